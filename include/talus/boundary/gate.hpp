@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/obstacle.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace talus {
+
+/// Motion of a pneumatic gate: U(t) = U_∞ (1 − exp(−t/τ)) from the opening on (Rousseau et al.
+/// 2023).
+struct GateMotion {
+  double opening_time = 0;     ///< s
+  double terminal_speed = 0.7; ///< U_∞, m/s
+  double time_constant = 0.13; ///< τ, s; 0: at full speed at once
+
+  double speed(double time) const {
+    const double t = time - opening_time;
+    if (!(t > 0))
+      return 0;
+    return time_constant > 0 ? -terminal_speed * std::expm1(-t / time_constant) : terminal_speed;
+  }
+
+  /// ∫ U dt = U_∞ (t − τ (1 − exp(−t/τ))), m.
+  double travel(double time) const {
+    const double t = time - opening_time;
+    if (!(t > 0))
+      return 0;
+    const double lag = time_constant > 0 ? -time_constant * std::expm1(-t / time_constant) : 0;
+    return terminal_speed * (t - lag);
+  }
+};
+
+/// A rigid plate across the channel, normal to x, that holds the material upstream of it and rises.
+template <int Dim>
+class Gate final : public Obstacle<Dim> {
+ public:
+  struct Params {
+    double position = 0;  ///< x of its upstream side, m
+    double bottom = 0;    ///< height of its lower edge while closed, m
+    double thickness = 0; ///< m; less than a cell: one layer of nodes
+    double friction = 0;  ///< μ_D
+    GateMotion motion{};
+  };
+
+  /// Throws std::invalid_argument if a parameter is out of range.
+  explicit Gate(const Params& params) : params_(params) {
+    require_finite("gate.position", params_.position);
+    require_finite("gate.bottom", params_.bottom);
+    require_non_negative("gate.thickness", params_.thickness);
+    require_non_negative("gate.friction", params_.friction);
+    require_non_negative("gate.motion.opening_time", params_.motion.opening_time);
+    require_non_negative("gate.motion.terminal_speed", params_.motion.terminal_speed);
+    require_non_negative("gate.motion.time_constant", params_.motion.time_constant);
+  }
+
+  /// Height of the lower edge, m.
+  double bottom(double time) const { return params_.bottom + params_.motion.travel(time); }
+  double speed(double time) const { return params_.motion.speed(time); }
+
+  std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,
+                                              double time) const override {
+    constexpr int up = up_axis<Dim>;
+    const double h = spacing[0];
+    // From half a cell before the face to its back, at least a cell's width: exactly one layer of
+    // nodes for a thin plate, wherever it stands between them.
+    const double offset = x[0] - params_.position;
+    const double slack = 1e-9; // of a cell: positions are sums of rounded numbers
+    if (offset < -(0.5 + slack) * h ||
+        offset >= std::max(params_.thickness + slack * h, (0.5 - slack) * h))
+      return std::nullopt;
+    if (x[up] < bottom(time) - slack * spacing[up])
+      return std::nullopt;
+    ObstacleContact<Dim> contact;
+    contact.normal = -Vec<Dim>::Unit(0);
+    contact.velocity = speed(time) * Vec<Dim>::Unit(up);
+    contact.friction = params_.friction;
+    return contact;
+  }
+
+ private:
+  Params params_;
+};
+
+} // namespace talus

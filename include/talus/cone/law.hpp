@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/types.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+/// \file
+/// Coulomb's law in R^N and the functions that tell how far a pair (γ, λ) is from it. Vectors are
+/// (normal, tangent); K_μ = { |τ_T| ≤ μ τ_N }.
+
+namespace talus {
+
+/// λ_N ≥ 0 ⊥ γ_N ≥ 0, |λ_T| ≤ μ λ_N, λ_T = −μ λ_N γ_T/|γ_T| where γ_T ≠ 0: flow without dilatancy.
+struct CoulombLaw {};
+
+/// K_μ ∋ λ ⊥ γ̃ ∈ K_{1/μ}. With γ̃ = γ + s e_N and s = μ |γ_T| this is Coulomb's law (de Saxcé); with
+/// s frozen it is convex. Callers put s into b_N.
+struct AssociatedLaw {};
+
+/// f(x, y) = x + y − (x∘x + y∘y)^{1/2} on the Jordan algebra of K_1: zero if and only if
+/// K_1 ∋ x ⊥ y ∈ K_1 (Fukushima, Luo & Tseng 2002). x, y: N.
+template <int N, class Scalar>
+Vec<N, Scalar> fischer_burmeister(const Vec<N, Scalar>& x, const Vec<N, Scalar>& y) {
+  using std::abs, std::max, std::sqrt;
+  const Scalar scale = max(x.cwiseAbs().maxCoeff(), y.cwiseAbs().maxCoeff());
+  if (!(scale > 0))
+    return scale == 0 ? Vec<N, Scalar>(Vec<N, Scalar>::Zero()) : Vec<N, Scalar>(x + y);
+  const Scalar a = x[0] / scale, b = y[0] / scale;
+  const Vec<N - 1, Scalar> p = x.template tail<N - 1>() / scale,
+                           q = y.template tail<N - 1>() / scale;
+  const Scalar pp = p.squaredNorm(), qq = q.squaredNorm(), pq = p.dot(q);
+  // With z = x∘x + y∘y: z_0² − |z_T|² as a sum of squares, since the difference itself would lose
+  // half of the digits where z is near the edge of the cone.
+  const Scalar x_norm = sqrt(pp), y_norm = sqrt(qq);
+  const Scalar x_det = (a - x_norm) * (a + x_norm), y_det = (b - y_norm) * (b + y_norm);
+  const Scalar cross = a * b - pq, gram = max(Scalar(0), pp * qq - pq * pq);
+  const Scalar det =
+      x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + (a * q - b * p).squaredNorm());
+  const Scalar s0 = sqrt((a * a + b * b + pp + qq + sqrt(det)) / 2);
+  Vec<N, Scalar> f;
+  f[0] = a + b - s0;
+  f.template tail<N - 1>() = p + q - (a * p + b * q) / s0;
+  return scale * f;
+}
+
+/// f_MFB of the associated law: f(ĝ, λ̂) with λ̂ = (μ λ_N, λ_T), ĝ = (γ̃_N, μ γ̃_T). γ̃ and λ in one
+/// unit. For μ = 0, where the first does not see λ_N: (f(γ̃_N, λ_N), λ_T).
+template <int N, class Scalar>
+Vec<N, Scalar> law_residual(AssociatedLaw, const Vec<N, Scalar>& gamma,
+                            const Vec<N, Scalar>& lambda, Scalar friction) {
+  if (!(friction > 0)) {
+    Vec<N, Scalar> f = lambda;
+    const Scalar larger = std::max(gamma[0], lambda[0]), smaller = std::min(gamma[0], lambda[0]);
+    // a + b − sqrt(a² + b²) = 2ab / (a + b + sqrt(...)) where nothing else would be left of it
+    const Scalar size = std::hypot(gamma[0], lambda[0]);
+    f[0] =
+        larger > 0 ? 2 * smaller * (larger / (larger + smaller + size)) : larger + smaller - size;
+    return f;
+  }
+  Vec<N, Scalar> x = gamma, y = lambda;
+  x.template tail<N - 1>() *= friction;
+  y[0] *= friction;
+  return fischer_burmeister<N, Scalar>(x, y);
+}
+
+/// f_MFB of Coulomb's law: the same for γ̃ = γ + μ |γ_T| e_N.
+template <int N, class Scalar>
+Vec<N, Scalar> law_residual(CoulombLaw, const Vec<N, Scalar>& gamma, const Vec<N, Scalar>& lambda,
+                            Scalar friction) {
+  Vec<N, Scalar> shifted = gamma;
+  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  return law_residual(AssociatedLaw{}, shifted, lambda, friction);
+}
+
+/// The point of K_μ nearest to x. μ ≥ 0.
+template <int N, class Scalar>
+Vec<N, Scalar> project_on_cone(const Vec<N, Scalar>& x, Scalar friction) {
+  const Scalar tangent = x.template tail<N - 1>().stableNorm();
+  if (tangent <= friction * x[0])
+    return x;
+  if (friction * tangent <= -x[0])
+    return Vec<N, Scalar>::Zero();
+  const Scalar normal = (x[0] + friction * tangent) / (1 + friction * friction);
+  Vec<N, Scalar> nearest;
+  nearest[0] = normal;
+  nearest.template tail<N - 1>() = x.template tail<N - 1>() * (friction * normal / tangent);
+  return nearest;
+}
+
+/// A check that shares nothing with the solvers: λ − P_K(λ − ρ γ̃), which is zero if and only if the
+/// law holds; ρ > 0 brings γ into the unit of λ.
+template <int N, class Scalar>
+Vec<N, Scalar> natural_residual(AssociatedLaw, const Vec<N, Scalar>& gamma,
+                                const Vec<N, Scalar>& lambda, Scalar friction, Scalar rho) {
+  return lambda - project_on_cone<N, Scalar>(lambda - rho * gamma, friction);
+}
+template <int N, class Scalar>
+Vec<N, Scalar> natural_residual(CoulombLaw, const Vec<N, Scalar>& gamma,
+                                const Vec<N, Scalar>& lambda, Scalar friction, Scalar rho) {
+  Vec<N, Scalar> shifted = gamma;
+  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  return natural_residual(AssociatedLaw{}, shifted, lambda, friction, rho);
+}
+
+} // namespace talus

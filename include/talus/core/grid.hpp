@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <string>
+
+/// \file
+/// The Cartesian grid: a box cut into equal cells. Nodes are stored with one layer of ghosts around
+/// the box, so that all 3^d neighbours of a node of the box exist and have constant offsets.
+
+namespace talus {
+
+/// Position, size and resolution of the box.
+template <int Dim>
+struct GridParams {
+  Vec<Dim> origin = Vec<Dim>::Zero(); ///< lower corner, m
+  Vec<Dim> size = Vec<Dim>::Zero();   ///< extent, m; > 0
+  Index<Dim> cells{};                 ///< number of cells along each axis; >= 1
+};
+
+/// A box of equal cells. Cells and nodes are numbered with the last axis fastest.
+template <int Dim>
+class Grid {
+  static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");
+
+ public:
+  static constexpr int corners = ipow(2, Dim); ///< nodes of a cell
+  static constexpr int neighbours =
+      ipow(3, Dim); ///< nodes that share a cell with a node, itself included
+
+  Grid() = default;
+
+  /// Throws std::invalid_argument if a size is not finite and positive, a number of cells is below
+  /// 1, or the grid has more than 2^30 nodes.
+  explicit Grid(const GridParams<Dim>& params)
+      : origin_(params.origin), size_(params.size), cells_(params.cells) {
+    constexpr std::array axis_names{"x", "y", "z"};
+    double nodes = 1;
+    for (int a = 0; a < Dim; ++a) {
+      const std::string axis = axis_names[static_cast<std::size_t>(a)];
+      require_finite("grid.origin." + axis, origin_[a]);
+      require_positive("grid.size." + axis, size_[a]);
+      if (cells(a) < 1)
+        throw_invalid("grid.cells." + axis, cells(a), "an integer >= 1");
+      spacing_[a] = size_[a] / cells(a);
+      inverse_spacing_[a] = 1 / spacing_[a];
+      nodes *= cells(a) + 3.0;
+    }
+    if (nodes > 1073741824.0)
+      throw_invalid("the number of grid nodes", nodes, "at most 2^30");
+    int node_stride = 1, cell_stride = 1;
+    for (int a = Dim - 1; a >= 0; --a) {
+      node_stride_[a] = node_stride;
+      cell_stride_[a] = cell_stride;
+      node_stride *= cells(a) + 3;
+      cell_stride *= cells(a);
+    }
+    node_count_ = node_stride;
+    cell_count_ = cell_stride;
+  }
+
+  const Vec<Dim>& origin() const { return origin_; }
+  const Vec<Dim>& size() const { return size_; }
+  Vec<Dim> upper() const { return origin_ + size_; }
+  const Vec<Dim>& spacing() const { return spacing_; } ///< edge lengths of a cell, m
+  const Vec<Dim>& inverse_spacing() const { return inverse_spacing_; }
+  int cells(int axis) const { return cells_[static_cast<std::size_t>(axis)]; }
+  double cell_volume() const { return spacing_.prod(); }
+  int cell_count() const { return cell_count_; }
+  int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
+
+  int node_stride(int axis) const { return node_stride_[static_cast<std::size_t>(axis)]; }
+
+  /// Number of the node with coordinates 0..cells(a) on each axis (-1 and cells(a)+1: ghosts).
+  int node(const Index<Dim>& index) const {
+    int n = 0;
+    for (int a = 0; a < Dim; ++a)
+      n += (index[a] + 1) * node_stride(a);
+    return n;
+  }
+
+  /// Coordinates of a node: the inverse of node().
+  Index<Dim> node_index(int node) const {
+    Index<Dim> index;
+    for (int a = 0; a < Dim; ++a) {
+      index[a] = node / node_stride(a) - 1;
+      node %= node_stride(a);
+    }
+    return index;
+  }
+
+  Vec<Dim> node_position(const Index<Dim>& index) const {
+    Vec<Dim> x;
+    for (int a = 0; a < Dim; ++a)
+      x[a] = origin_[a] + spacing_[a] * index[a];
+    return x;
+  }
+  Vec<Dim> node_position(int node) const { return node_position(node_index(node)); }
+
+  /// v_i = ∫ N_i over the box (m^d): a cell's volume, halved for each face that the node lies on.
+  double node_volume(const Index<Dim>& index) const {
+    double v = cell_volume();
+    for (int a = 0; a < Dim; ++a) {
+      const int i = index[a];
+      if (i == 0 || i == cells(a))
+        v *= 0.5;
+    }
+    return v;
+  }
+
+  /// Number of a cell from its coordinates 0..cells(a)-1.
+  int cell(const Index<Dim>& index) const {
+    int c = 0;
+    for (int a = 0; a < Dim; ++a)
+      c += index[a] * cell_stride_[a];
+    return c;
+  }
+
+  Index<Dim> cell_index(int cell) const {
+    Index<Dim> index;
+    for (int a = 0; a < Dim; ++a) {
+      index[a] = cell / cell_stride_[a];
+      cell %= cell_stride_[a];
+    }
+    return index;
+  }
+
+  /// The cell that holds x; a point on an upper face belongs to the last cell. x must be in the
+  /// box.
+  Index<Dim> cell_at(const Vec<Dim>& x) const {
+    Index<Dim> index;
+    for (int a = 0; a < Dim; ++a) {
+      const double s = (x[a] - origin_[a]) * inverse_spacing_[a];
+      index[a] = std::clamp(static_cast<int>(s), 0, cells(a) - 1);
+    }
+    return index;
+  }
+
+  /// Coordinates of x in its cell, each in [0, 1].
+  Vec<Dim> local(const Vec<Dim>& x, const Index<Dim>& cell) const {
+    Vec<Dim> xi;
+    for (int a = 0; a < Dim; ++a)
+      xi[a] = (x[a] - origin_[a]) * inverse_spacing_[a] - cell[a];
+    return xi;
+  }
+
+  /// Number of the lowest node of a cell; corner c is at + corner_offset(c).
+  int first_node(const Index<Dim>& cell) const { return node(cell); }
+
+  /// Offset of corner c of a cell; bit a of c (from the last axis up) says which end of axis a.
+  int corner_offset(int corner) const {
+    int offset = 0;
+    for (int a = 0; a < Dim; ++a)
+      offset += corner_bit(corner, a) * node_stride(a);
+    return offset;
+  }
+
+  /// 0 or 1: on which end of `axis` the corner lies.
+  static constexpr int corner_bit(int corner, int axis) { return (corner >> (Dim - 1 - axis)) & 1; }
+
+  /// Offset of neighbour k of a node, k in 0..3^d-1 with the last axis fastest; the middle is
+  /// itself.
+  int neighbour_offset(int k) const {
+    int offset = 0;
+    for (int a = Dim - 1; a >= 0; --a, k /= 3)
+      offset += (k % 3 - 1) * node_stride(a);
+    return offset;
+  }
+
+ private:
+  Vec<Dim> origin_ = Vec<Dim>::Zero(), size_ = Vec<Dim>::Zero();
+  Vec<Dim> spacing_ = Vec<Dim>::Zero(), inverse_spacing_ = Vec<Dim>::Zero();
+  Index<Dim> cells_{}, node_stride_{}, cell_stride_{};
+  int node_count_ = 0, cell_count_ = 0;
+};
+
+} // namespace talus

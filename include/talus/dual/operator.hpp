@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/symmetric.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+
+#include <array>
+#include <cstddef>
+
+/// \file
+/// The operators B (strain rate of the velocities around a cone), its transpose and the diagonal
+/// blocks of W, matrix-free on the compact g_ij: 3 numbers per pair of nodes in 3-D, not 18.
+
+namespace talus {
+
+/// Offsets of a node's 3^d neighbours, by rows of three nodes that follow each other in memory.
+template <int Dim>
+class Stencil {
+ public:
+  static constexpr int rows = ipow(3, Dim - 1);
+  Stencil() = default;
+  explicit Stencil(const Grid<Dim>& grid) {
+    for (int r = 0; r < rows; ++r)
+      row_[static_cast<std::size_t>(r)] = grid.neighbour_offset(3 * r);
+  }
+  /// Offset of the first node of row r from the node in the middle.
+  int row(int r) const { return row_[static_cast<std::size_t>(r)]; }
+
+ private:
+  std::array<int, static_cast<std::size_t>(rows)> row_{};
+};
+
+/// Velocity gradient sum L = Σ_j u_j ⊗ g_j: column b is Σ_j u_j g_j,b.
+/// u points at the velocity of the node in the middle.
+template <int Dim>
+Eigen::Matrix<double, NodeVec<Dim>::RowsAtCompileTime, Dim>
+gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const Coupling<Dim>& g) {
+  using Wide = NodeVec<Dim>;
+  // One partial sum per place in a row: the additions of the three don't wait for each other.
+  std::array<std::array<Wide, static_cast<std::size_t>(Dim)>, 3> sum;
+  for (auto& s : sum)
+    for (auto& column : s)
+      column.setZero();
+  for (int r = 0; r < Stencil<Dim>::rows; ++r) {
+    const Wide* row = u + stencil.row(r);
+    for (std::size_t k = 0; k < 3; ++k)
+      for (int b = 0; b < Dim; ++b)
+        sum[k][static_cast<std::size_t>(b)] += row[k] * g(b, 3 * r + static_cast<int>(k));
+  }
+  Eigen::Matrix<double, Wide::RowsAtCompileTime, Dim> gradient;
+  for (int b = 0; b < Dim; ++b) {
+    const std::size_t s = static_cast<std::size_t>(b);
+    gradient.col(b) = sum[0][s] + sum[1][s] + sum[2][s];
+  }
+  return gradient;
+}
+
+/// B_i u = vec(sym Σ_j u_j ⊗ g_ij), m^d/s.
+template <int Dim>
+Vec<symmetric_size<Dim>> strain_rate(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
+                                     std::size_t cone) {
+  const auto gradient = gather_gradient<Dim>(problem.velocity.data() + problem.node[cone], stencil,
+                                             problem.coupling[cone]);
+  return symmetric_to_vector<Dim, double>(gradient.template topRows<Dim>());
+}
+
+/// u_j += M_j⁻¹ Λ g_ij for all neighbours j: what the stress impulse λ of a cone does.
+template <int Dim>
+void apply_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std::size_t cone,
+                  const Vec<symmetric_size<Dim>>& lambda) {
+  using Wide = NodeVec<Dim>;
+  Eigen::Matrix<double, Wide::RowsAtCompileTime, Dim> tensor;
+  tensor.setZero();
+  tensor.template topRows<Dim>() = vector_to_symmetric<Dim, double>(lambda);
+  const Coupling<Dim>& g = problem.coupling[cone];
+  Wide* u = problem.velocity.data() + problem.node[cone];
+  const Wide* inverse_mass = problem.inverse_mass.data() + problem.node[cone];
+  for (int r = 0; r < Stencil<Dim>::rows; ++r) {
+    Wide* row = u + stencil.row(r);
+    const Wide* mass_row = inverse_mass + stencil.row(r);
+    for (int k = 0; k < 3; ++k) {
+      const int j = 3 * r + k;
+      Wide force = tensor.col(0) * g(0, j) + tensor.col(1) * g(1, j);
+      if constexpr (Dim == 3)
+        force += tensor.col(2) * g(2, j);
+      row[k] += mass_row[k].cwiseProduct(force);
+    }
+  }
+}
+
+/// W_ii = B_i M⁻¹ B_iᵀ (symmetric, positive semi-definite), with B_iᵀ λ = Λ g. m^(2d-2)/kg.
+template <int Dim>
+Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
+                                        const Stencil<Dim>& stencil, std::size_t cone) {
+  constexpr int n = symmetric_size<Dim>;
+  // A_a = Σ_j g_j g_jᵀ / m_j,a: all that W needs of the neighbours, since row a of a velocity
+  // gradient u ⊗ g only feels the mass of component a.
+  std::array<Mat<Dim>, static_cast<std::size_t>(Dim)> second;
+  for (auto& m : second)
+    m.setZero();
+  const Coupling<Dim>& g = problem.coupling[cone];
+  const NodeVec<Dim>* inverse_mass = problem.inverse_mass.data() + problem.node[cone];
+  for (int r = 0; r < Stencil<Dim>::rows; ++r)
+    for (int k = 0; k < 3; ++k) {
+      const NodeVec<Dim>& w = inverse_mass[stencil.row(r) + k];
+      const Vec<Dim> gj = g.col(3 * r + k);
+      const Mat<Dim> outer = gj * gj.transpose();
+      for (int a = 0; a < Dim; ++a)
+        second[static_cast<std::size_t>(a)] += w[a] * outer;
+    }
+  Mat<n> block;
+  for (int c = 0; c < n; ++c) {
+    const Mat<Dim> tensor = vector_to_symmetric<Dim, double>(Vec<n>::Unit(c));
+    Mat<Dim> gradient; // row a: Σ_j (Λ g_j)_a g_jᵀ / m_j,a
+    for (int a = 0; a < Dim; ++a)
+      gradient.row(a) = tensor.row(a) * second[static_cast<std::size_t>(a)];
+    block.col(c) = symmetric_to_vector<Dim, double>(gradient);
+  }
+  return 0.5 * (block + block.transpose());
+}
+
+/// Adds the impulses of all stresses and contacts to the velocities: from u_free to u.
+template <int Dim>
+void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
+  for (std::size_t i = 0; i < problem.cones(); ++i)
+    if (!problem.stress[i].isZero(0))
+      apply_stress(problem, stencil, i, problem.stress[i]);
+  for (const Contact<Dim>& contact : problem.contacts) {
+    const std::size_t j = static_cast<std::size_t>(contact.node);
+    problem.velocity[j].template head<Dim>() +=
+        problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+  }
+}
+
+} // namespace talus

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/grid.hpp"
+#include "talus/core/symmetric.hpp"
+#include "talus/core/types.hpp"
+#include "talus/transfer/cell_moments.hpp"
+
+#include <cstddef>
+#include <vector>
+
+/// \file
+/// The dual problem of one time step: nodal velocities, one cone (stress) per active node, and
+/// contacts. See docs/architecture.md for how it comes about.
+
+namespace talus {
+
+/// A nodal velocity or inverse mass, padded to a power of two so that it loads as one vector.
+template <int Dim>
+using NodeVec = Vec<Dim == 2 ? 2 : 4>;
+
+/// A Coulomb contact at one node: 0 ≤ w·n ⊥ r·n ≥ 0, |r_t| ≤ μ_w r·n, r_t opposite to w_t while it
+/// slides, with w = u_j − u_b.
+template <int Dim>
+struct Contact {
+  int node = 0;                              ///< node number on the grid
+  int source = 0;                            ///< which face or obstacle: its key for the warm start
+  Vec<Dim> normal = Vec<Dim>::Zero();        ///< n, unit, towards the material
+  Vec<Dim> wall_velocity = Vec<Dim>::Zero(); ///< u_b, m/s
+  double friction = 0;                       ///< μ_w
+  Vec<Dim> impulse = Vec<Dim>::Zero();       ///< r, N s (per metre in 2-D); the unknown
+};
+
+/// Cones and contacts that one thread visits in sequence; see dual/coloring.hpp.
+struct Block {
+  std::size_t cone_begin = 0, cone_end = 0;
+  std::size_t contact_begin = 0, contact_end = 0;
+};
+
+/// Find λ and r such that, with u_j = u_free,j + M_j⁻¹ (Σ_i Λ_i g_ij + r_j),
+///   γ_i = vec(sym Σ_j u_j ⊗ g_ij) + k_i e_N  and  (γ_i, λ_i) in Coulomb's law of opening μ̃_i,
+/// and the contacts hold. λ_i = δt λ̂_i is an impulse (Pa s); Λ_i is its tensor; the cone law does
+/// not mind the factor. (Rousseau et al. 2023; Daviet & Bertails-Descoubes 2016.)
+///
+/// `velocity` always is the velocity that goes with the current λ and r: solvers keep it so.
+template <int Dim>
+struct DualProblem {
+  static constexpr int cone_size = symmetric_size<Dim>;
+  static constexpr int neighbours = ipow(3, Dim);
+
+  Grid<Dim> grid;
+  std::vector<NodeVec<Dim>> velocity;     ///< u, #nodes, m/s
+  std::vector<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
+
+  // One entry a cone, in the order of the blocks.
+  std::vector<int> node;               ///< node number
+  std::vector<Coupling<Dim>> coupling; ///< g_ij, m^(d-1)
+  std::vector<double> void_rate;       ///< normal component of k_i, m^d/s; ≥ 0
+  std::vector<double> friction;        ///< μ̃_i = sqrt(2/d) μ_i
+  std::vector<double> volume;          ///< v_i, m^d
+  std::vector<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown
+
+  std::vector<Contact<Dim>> contacts; ///< sorted by block
+
+  std::vector<Block> blocks; ///< blocks of one colour share no velocity
+  std::vector<std::size_t>
+      colour_begin; ///< blocks of colour c: colour_begin[c]..colour_begin[c+1]−1
+
+  /// A stress impulse (Pa s) typical of this step, ρ h |g| δt: what residuals are compared with
+  /// where there is no stress to compare with.
+  double stress_scale = 0;
+
+  std::size_t cones() const { return node.size(); }
+};
+
+} // namespace talus

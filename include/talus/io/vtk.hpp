@@ -1,0 +1,342 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
+
+#include <bit>
+#include <cerrno>
+#include <charconv>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+/// \file
+/// Files for ParaView and other VTK readers: particles (.vtp), nodal fields (.vti) and time series
+/// (.pvd). XML with the numbers appended as raw doubles, so nothing is rounded.
+///
+/// Two-dimensional data lies in the plane z = 0. A file appears under its name only when complete:
+/// it is written as NAME.tmp and renamed. What cannot be written is a std::runtime_error that names
+/// the file and the reason.
+
+namespace talus {
+
+/// Numbers with a name, for each particle or node. Made by vtk_field() and vtk_node_field(), or by
+/// hand.
+struct VtkField {
+  std::string name;           ///< as ParaView shows it
+  int components = 1;         ///< numbers an item: 1, 3 (vector), 9 (tensor, row by row), …
+  std::vector<double> values; ///< #items × components, those of one item side by side
+};
+
+namespace detail {
+
+static_assert(std::endian::native == std::endian::little,
+              "talus: VTK files are written on little-endian machines only");
+
+/// How a value is laid out in a field: plane vectors become 3-D, tensors 3 × 3 row by row.
+template <class Value>
+struct VtkLayout; // a VTK field holds numbers, Vec<2>, Vec<3>, Mat<2> or Mat<3>
+
+template <class Number>
+requires std::is_arithmetic_v<Number>
+struct VtkLayout<Number> {
+  static constexpr int components = 1;
+  static void append(std::vector<double>& values, Number value) {
+    values.push_back(static_cast<double>(value));
+  }
+};
+
+template <int Rows, int Cols>
+requires((Rows == 2 || Rows == 3) &&
+         (Cols == 1 || Cols == Rows)) struct VtkLayout<Eigen::Matrix<double, Rows, Cols>> {
+  static constexpr int columns = Cols == 1 ? 1 : 3;
+  static constexpr int components = 3 * columns;
+  static void append(std::vector<double>& values, const Eigen::Matrix<double, Rows, Cols>& value) {
+    for (int r = 0; r < 3; ++r)
+      for (int c = 0; c < columns; ++c)
+        values.push_back(r < Rows && c < Cols ? value(r, c) : 0.0);
+  }
+};
+
+/// A file that gets its name when it is complete; given up, it leaves nothing behind.
+class AtomicFile {
+ public:
+  explicit AtomicFile(const std::filesystem::path& path)
+      : path_(path), temporary_(path.string() + ".tmp"),
+        file_(std::fopen(temporary_.string().c_str(), "wb")) {
+    if (!file_) {
+      const int error = errno;
+      temporary_.clear(); // not ours to remove
+      fail(error);
+    }
+  }
+  ~AtomicFile() { give_up(); }
+  AtomicFile(const AtomicFile&) = delete;
+  AtomicFile& operator=(const AtomicFile&) = delete;
+
+  void write(const void* data, std::size_t bytes) {
+    if (bytes > 0 && std::fwrite(data, 1, bytes, file_) != bytes)
+      fail(errno);
+  }
+  void write(std::string_view text) { write(text.data(), text.size()); }
+
+  void commit() {
+    if (std::fclose(std::exchange(file_, nullptr)) != 0)
+      fail(errno);
+    std::error_code error;
+    std::filesystem::rename(temporary_, path_, error);
+    if (error)
+      fail(error.value());
+    temporary_.clear();
+  }
+
+ private:
+  [[noreturn]] void fail(int error) {
+    give_up();
+    throw std::runtime_error("cannot write " + path_.string() + ": " +
+                             std::generic_category().message(error));
+  }
+
+  void give_up() noexcept {
+    if (file_)
+      std::fclose(std::exchange(file_, nullptr));
+    std::error_code ignored;
+    if (!temporary_.empty())
+      std::filesystem::remove(temporary_, ignored);
+  }
+
+  std::filesystem::path path_, temporary_;
+  std::FILE* file_;
+};
+
+inline std::string xml_escaped(std::string_view text) {
+  std::string escaped;
+  for (const char c : text) {
+    if (c == '&')
+      escaped += "&amp;";
+    else if (c == '<')
+      escaped += "&lt;";
+    else if (c == '"')
+      escaped += "&quot;";
+    else
+      escaped += c;
+  }
+  return escaped;
+}
+
+/// The fewest digits that read back as the same number.
+inline std::string shortest(double value) {
+  char digits[32];
+  return {digits, std::to_chars(digits, digits + sizeof digits, value).ptr};
+}
+
+/// Three coordinates as an XML attribute's value; `flat` stands in for z in 2-D.
+template <int Dim>
+std::string vtk_triple(const Vec<Dim>& v, double flat) {
+  return shortest(v[0]) + " " + shortest(v[1]) + " " + shortest(Dim == 3 ? v[Dim - 1] : flat);
+}
+
+/// The XML of a VTK file and the arrays that its end is made of.
+class VtkDocument {
+ public:
+  explicit VtkDocument(std::string_view type)
+      : type_(type), xml_("<?xml version=\"1.0\"?>\n<VTKFile type=\"" + type_ +
+                          "\" version=\"1.0\" byte_order=\"LittleEndian\""
+                          " header_type=\"UInt64\">\n") {}
+
+  void add(std::string_view xml) { xml_ += xml; }
+
+  /// `values` must live until write().
+  template <class Number>
+  void add_array(std::string_view name, int components, const std::vector<Number>& values) {
+    static_assert(std::same_as<Number, double> || std::same_as<Number, std::int64_t>);
+    xml_ += std::string("<DataArray type=\"") +
+            (std::same_as<Number, double> ? "Float64" : "Int64") + "\" Name=\"" +
+            xml_escaped(name) + "\" NumberOfComponents=\"" + std::to_string(components) +
+            "\" format=\"appended\" offset=\"" + std::to_string(offset_) + "\"/>\n";
+    blocks_.push_back({values.data(), values.size() * sizeof(Number)});
+    offset_ += sizeof(std::uint64_t) + blocks_.back().bytes;
+  }
+
+  /// Throws std::invalid_argument unless each field has its components for `items` items.
+  void add_point_data(const std::vector<VtkField>& fields, std::size_t items) {
+    add("<PointData>\n");
+    for (const VtkField& field : fields) {
+      const std::string name = "VTK field \"" + field.name + "\"";
+      if (field.components < 1)
+        throw_invalid(name + ": the number of components", field.components, "at least 1");
+      const std::size_t expected = items * static_cast<std::size_t>(field.components);
+      if (field.values.size() != expected)
+        throw_invalid(name + ": the number of values", field.values.size(),
+                      std::to_string(expected));
+      add_array(field.name, field.components, field.values);
+    }
+    add("</PointData>\n");
+  }
+
+  void write(const std::filesystem::path& path) const {
+    AtomicFile file(path);
+    file.write(xml_);
+    file.write("</" + type_ + ">\n<AppendedData encoding=\"raw\">\n_");
+    for (const Block& block : blocks_) {
+      const std::uint64_t bytes = block.bytes;
+      file.write(&bytes, sizeof bytes);
+      file.write(block.data, block.bytes);
+    }
+    file.write("\n</AppendedData>\n</VTKFile>\n");
+    file.commit();
+  }
+
+ private:
+  struct Block {
+    const void* data;
+    std::size_t bytes;
+  };
+
+  std::string type_, xml_;
+  std::vector<Block> blocks_;
+  std::size_t offset_ = 0;
+};
+
+} // namespace detail
+
+/// A field of numbers, Vec<2>, Vec<3>, Mat<2> or Mat<3>, one value a particle or node (#items).
+/// Vectors get three components and tensors nine, with zeros in 2-D.
+template <class Value>
+VtkField vtk_field(std::string name, const std::vector<Value>& values) {
+  using Layout = detail::VtkLayout<Value>;
+  VtkField field{std::move(name), Layout::components, {}};
+  field.values.reserve(values.size() * Layout::components);
+  for (const Value& value : values)
+    Layout::append(field.values, value);
+  return field;
+}
+
+/// A nodal field for write_vtk_image. `nodes` is the number of nodes along each axis; value(index)
+/// is called once for each node, Index<Dim>{i, j(, k)} from 0 up, and gives a number, Vec or Mat.
+template <int Dim, class Function>
+VtkField vtk_node_field(std::string name, const Index<Dim>& nodes, const Function& value) {
+  using Value = std::decay_t<decltype(value(nodes))>;
+  using Layout = detail::VtkLayout<Value>;
+  VtkField field{std::move(name), Layout::components, {}};
+  Index<Dim> index;
+  const int layers = Dim == 3 ? nodes[Dim - 1] : 1;
+  for (int k = 0; k < layers; ++k)
+    for (int j = 0; j < nodes[1]; ++j)
+      for (int i = 0; i < nodes[0]; ++i) {
+        index[Dim - 1] = k; // overwritten by j in 2-D
+        index[1] = j;
+        index[0] = i;
+        Layout::append(field.values, value(index));
+      }
+  return field;
+}
+
+/// Writes particles as points (.vtp). positions: #p × d, m; fields: #p values each.
+/// Throws std::invalid_argument for a field of another size, std::runtime_error if the file cannot
+/// be written.
+template <int Dim>
+void write_vtk_particles(const std::filesystem::path& path, const std::vector<Vec<Dim>>& positions,
+                         const std::vector<VtkField>& fields) {
+  const std::size_t count = positions.size();
+  const std::vector<double> points = vtk_field("", positions).values;
+  std::vector<std::int64_t> first(count), last(count); // each point is a cell of its own
+  for (std::size_t p = 0; p < count; ++p) {
+    first[p] = static_cast<std::int64_t>(p);
+    last[p] = static_cast<std::int64_t>(p + 1);
+  }
+  const std::string number = std::to_string(count);
+  detail::VtkDocument file("PolyData");
+  file.add("<PolyData>\n<Piece NumberOfPoints=\"" + number + "\" NumberOfVerts=\"" + number +
+           "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n");
+  file.add_point_data(fields, count);
+  file.add("<Points>\n");
+  file.add_array("position", 3, points);
+  file.add("</Points>\n<Verts>\n");
+  file.add_array("connectivity", 1, first);
+  file.add_array("offsets", 1, last);
+  file.add("</Verts>\n</Piece>\n");
+  file.write(path);
+}
+
+/// Writes nodal fields of a regular grid (.vti). origin: position of node 0, m; spacing: distance
+/// of nodes along each axis, m, > 0; nodes: their number along each axis, ≥ 1; fields: #nodes
+/// values each, the *first* axis fastest (not the order of talus::Grid): vtk_node_field makes them
+/// so. Throws std::invalid_argument for a wrong number or size, std::runtime_error if the file
+/// cannot be written.
+template <int Dim>
+void write_vtk_image(const std::filesystem::path& path, const Vec<Dim>& origin,
+                     const Vec<Dim>& spacing, const Index<Dim>& nodes,
+                     const std::vector<VtkField>& fields) {
+  static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");
+  std::size_t count = 1;
+  std::string extent;
+  for (int a = 0; a < 3; ++a) {
+    const int n = a < Dim ? nodes[a] : 1;
+    if (n < 1)
+      throw_invalid("the number of nodes along axis " + std::to_string(a), n, "at least 1");
+    if (a < Dim) {
+      require_finite("the origin along axis " + std::to_string(a), origin[a]);
+      require_positive("the spacing along axis " + std::to_string(a), spacing[a]);
+    }
+    count *= static_cast<std::size_t>(n);
+    extent += (a > 0 ? " 0 " : "0 ") + std::to_string(n - 1);
+  }
+  detail::VtkDocument file("ImageData");
+  file.add("<ImageData WholeExtent=\"" + extent + "\" Origin=\"" +
+           detail::vtk_triple<Dim>(origin, 0) + "\" Spacing=\"" +
+           detail::vtk_triple<Dim>(spacing, 1) + "\">\n<Piece Extent=\"" + extent + "\">\n");
+  file.add_point_data(fields, count);
+  file.add("</Piece>\n");
+  file.write(path);
+}
+
+/// A time series (.pvd): which file shows which time. The list is rewritten with every frame, so it
+/// can be opened while the run goes on.
+class VtkSeries {
+ public:
+  VtkSeries() = default;
+
+  /// Writes a list without frames to `path`, replacing what is there.
+  explicit VtkSeries(std::filesystem::path path) : path_(std::move(path)) { write(); }
+
+  /// Adds a file that is already written. time: s, finite; file: its path, as given to the function
+  /// that wrote it. Throws std::runtime_error if the list cannot be written.
+  void add(double time, const std::filesystem::path& file) {
+    require_finite("the time of a frame", time);
+    // the list names files relative to itself, so that the folder can be moved
+    const auto folder = std::filesystem::absolute(path_).lexically_normal().parent_path();
+    const auto target = std::filesystem::absolute(file).lexically_normal();
+    frames_ += "<DataSet timestep=\"" + detail::shortest(time) + "\" part=\"0\" file=\"" +
+               detail::xml_escaped(target.lexically_proximate(folder).generic_string()) + "\"/>\n";
+    write();
+  }
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  void write() const {
+    detail::AtomicFile file(path_);
+    file.write("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" "
+               "byte_order=\"LittleEndian\">\n<Collection>\n");
+    file.write(frames_);
+    file.write("</Collection>\n</VTKFile>\n");
+    file.commit();
+  }
+
+  std::filesystem::path path_;
+  std::string frames_;
+};
+
+} // namespace talus

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/types.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace talus {
+
+/// Material points, as a structure of arrays: entry p of each array belongs to particle p. The
+/// order changes from step to step (particles are kept in cell order); `id` stays with its
+/// particle.
+template <int Dim>
+struct Particles {
+  std::vector<Vec<Dim>> position; ///< x_p, #p × d, m
+  std::vector<Vec<Dim>> velocity; ///< v_p, #p × d, m/s
+  std::vector<Mat<Dim>> affine; ///< C_p, #p × d × d, 1/s: the velocity gradient that APIC carries
+  std::vector<double> volume;   ///< V_p, #p, m^d: material volume at the dense packing
+  std::vector<std::size_t> id;  ///< #p
+
+  std::size_t size() const { return position.size(); }
+  bool empty() const { return position.empty(); }
+
+  void resize(std::size_t count) {
+    position.resize(count, Vec<Dim>::Zero());
+    velocity.resize(count, Vec<Dim>::Zero());
+    affine.resize(count, Mat<Dim>::Zero());
+    volume.resize(count, 0.0);
+    id.resize(count, 0);
+  }
+
+  /// Adds one particle: x (m), v (m/s), volume (m^d).
+  void add(const Vec<Dim>& x, const Vec<Dim>& v, double material_volume) {
+    position.push_back(x);
+    velocity.push_back(v);
+    affine.push_back(Mat<Dim>::Zero());
+    volume.push_back(material_volume);
+    id.push_back(id.size());
+  }
+
+  /// Copies particle `from` of `other` to place `to`.
+  void copy(std::size_t to, const Particles& other, std::size_t from) {
+    position[to] = other.position[from];
+    velocity[to] = other.velocity[from];
+    affine[to] = other.affine[from];
+    volume[to] = other.volume[from];
+    id[to] = other.id[from];
+  }
+};
+
+} // namespace talus

@@ -1,0 +1,510 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/faces.hpp"
+#include "talus/boundary/obstacle.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/parallel.hpp"
+#include "talus/core/symmetric.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/coloring.hpp"
+#include "talus/dual/operator.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/particles.hpp"
+#include "talus/rheology/rheology.hpp"
+#include "talus/solver/solver.hpp"
+#include "talus/transfer/cell_moments.hpp"
+#include "talus/transfer/cell_order.hpp"
+#include "talus/transfer/multilinear.hpp"
+#include "talus/transfer/transfer_scheme.hpp"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <utility>
+#include <vector>
+
+namespace talus {
+
+struct Material {
+  double density = 0; ///< ρ_c of the dense packing, kg/m³; > 0
+};
+
+/// Wall-clock seconds of one step, by phase.
+struct PhaseSeconds {
+  double to_grid = 0;  ///< sorting, particles to grid
+  double assembly = 0; ///< boundary conditions, cones and contacts, warm start
+  double solve = 0;
+  double to_particles = 0; ///< grid to particles, advection
+
+  double total() const { return to_grid + assembly + solve + to_particles; }
+};
+
+/// What one step did.
+struct [[nodiscard]] StepReport {
+  SolveReport solve;
+  PhaseSeconds seconds;
+  std::size_t cones = 0, contacts = 0;
+  std::size_t outflow = 0;   ///< particles that left through free faces in this step
+  double outflow_volume = 0; ///< m^d
+
+  /// False if the step was refused because numbers were not finite; particles and time are as
+  /// before.
+  bool completed() const { return solve.status != SolveStatus::not_finite; }
+};
+
+/// A granular flow: particles, a grid, and the policies that say how the medium yields (RheologyT),
+/// how particles and grid exchange velocities (TransferT) and how the dual problem is solved
+/// (SolverT).
+///
+/// One step of the semi-implicit scheme of Rousseau et al. 2023 (their §3 and appendices; after
+/// Daviet & Bertails-Descoubes 2016):
+///   m_j (u_j − u*_j) = δt (m_j g + Σ_i Λ_i g_ij),  γ_i = vec(sym Σ_j u_j ⊗ g_ij) + k_i,
+///   (γ_i, λ_i) in the Drucker–Prager law of friction μ_i.
+template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT>
+class Simulation {
+ public:
+  static constexpr int dimension = Dim;
+
+  struct Params {
+    GridParams<Dim> grid{};
+    Material material{};
+    Vec<Dim> gravity = Vec<Dim>::Zero(); ///< m/s²; turn it to incline the box
+    double time_step = 0;                ///< δt, s; > 0
+    Faces<Dim> faces{};
+    std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
+    typename RheologyT::Params rheology{};
+    typename TransferT::Params transfer{};
+    typename SolverT::Params solver{};
+    double min_relative_mass = 1e-9; ///< nodes below this share of the dense mass carry no stress
+    int threads = 1;                 ///< the result does not depend on it
+  };
+
+  /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
+  /// has no positive volume or a position or velocity that is not finite, or there is no particle
+  /// at all.
+  explicit Simulation(Params params, Particles<Dim> particles)
+      : params_(std::move(params)), grid_(params_.grid), rheology_(params_.rheology),
+        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
+        particles_(std::move(particles)) {
+    require_positive("material.density", params_.material.density);
+    require_positive("time_step", params_.time_step);
+    require_positive("min_relative_mass", params_.min_relative_mass);
+    for (int a = 0; a < Dim; ++a)
+      require_finite("gravity", params_.gravity[a]);
+    if (params_.threads < 1)
+      throw_invalid("threads", params_.threads, "an integer >= 1");
+    params_.faces.validate();
+    for (const auto& obstacle : params_.obstacles)
+      if (!obstacle)
+        throw_invalid("an obstacle", "null", "a valid pointer");
+    check_particles();
+
+    const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
+    material_volume_.assign(nodes, 0);
+    velocity_before_.assign(nodes, NodeVec<Dim>::Zero());
+    node_stress_.assign(nodes, Vec<cone_size>::Zero());
+    inertial_number_.assign(nodes, 0);
+    node_rank_.assign(nodes, 0);
+    for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
+      node_rank_[static_cast<std::size_t>(node_order_.nodes()[k])] = k;
+    problem_.grid = grid_;
+    problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
+    problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
+    problem_.stress_scale = params_.material.density * params_.gravity.norm() *
+                            grid_.spacing().minCoeff() * params_.time_step;
+  }
+
+  /// Advances by δt.
+  StepReport step() {
+    StepReport report;
+    const auto t0 = Clock::now();
+    particles_to_grid();
+    const auto t1 = Clock::now();
+    collect_cones();
+    add_gravity();
+    apply_faces();
+    collect_contacts();
+    apply_impulses(problem_, stencil_);
+    const auto t2 = Clock::now();
+    report.solve = solver_.solve(problem_, workspace_, params_.threads);
+    const auto t3 = Clock::now();
+    if (report.completed()) {
+      keep_stresses();
+      grid_to_particles();
+      remove_outflow(report);
+      time_ += params_.time_step;
+      ++steps_;
+    }
+    const auto t4 = Clock::now();
+    report.cones = problem_.cones();
+    report.contacts = problem_.contacts.size();
+    report.seconds = {seconds(t0, t1), seconds(t1, t2), seconds(t2, t3), seconds(t3, t4)};
+    return report;
+  }
+
+  double time() const { return time_; } ///< s
+  std::size_t steps() const { return steps_; }
+  const Params& params() const { return params_; }
+  const Grid<Dim>& grid() const { return grid_; }
+  const Particles<Dim>& particles() const { return particles_; }
+
+  /// Changes gravity (m/s²) from the next step on: tilts the box.
+  void set_gravity(const Vec<Dim>& gravity) {
+    for (int a = 0; a < Dim; ++a)
+      require_finite("gravity", gravity[a]);
+    params_.gravity = gravity;
+    problem_.stress_scale =
+        params_.material.density * gravity.norm() * grid_.spacing().minCoeff() * params_.time_step;
+  }
+
+  // Nodal fields of the last step; index with grid().node(...).
+
+  /// φ_i: material volume at node i over the node's volume; 1 is dense.
+  double volume_fraction(const Index<Dim>& node) const {
+    return material_volume_[static_cast<std::size_t>(grid_.node(node))] / grid_.node_volume(node);
+  }
+  /// u_i, m/s; zero where there is no material.
+  Vec<Dim> velocity(const Index<Dim>& node) const {
+    return problem_.velocity[static_cast<std::size_t>(grid_.node(node))].template head<Dim>();
+  }
+  /// p_i = φ Tr λ̂ / d, Pa.
+  double pressure(const Index<Dim>& node) const {
+    return std::min(1.0, volume_fraction(node)) *
+           mean_from_normal<Dim>(node_stress_[static_cast<std::size_t>(grid_.node(node))][0]) /
+           params_.time_step;
+  }
+  /// I_i that the step's friction was taken at; 0 for a law that does not depend on it.
+  double inertial_number(const Index<Dim>& node) const {
+    return inertial_number_[static_cast<std::size_t>(grid_.node(node))];
+  }
+
+  /// The dual problem of the last step with its solution.
+  const DualProblem<Dim>& problem() const { return problem_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  using Wide = NodeVec<Dim>;
+  static constexpr int cone_size = symmetric_size<Dim>;
+  static constexpr int corners = Grid<Dim>::corners;
+
+  static double seconds(Clock::time_point from, Clock::time_point to) {
+    return std::chrono::duration<double>(to - from).count();
+  }
+
+  void check_particles() const {
+    if (particles_.empty())
+      throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
+    const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
+    for (std::size_t p = 0; p < particles_.size(); ++p) {
+      require_positive("a particle's volume", particles_.volume[p]);
+      for (int a = 0; a < Dim; ++a) {
+        require_finite("a particle's velocity", particles_.velocity[p][a]);
+        const double x = particles_.position[p][a];
+        if (!(x >= lower[a] && x <= upper[a]))
+          throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
+      }
+    }
+  }
+
+  double node_mass(std::size_t node) const {
+    return params_.material.density * material_volume_[node];
+  }
+
+  /// m_i, u*_i and φ_i from the particles.
+  void particles_to_grid() {
+    order_.sort(particles_, grid_, params_.threads);
+    all_cell_moments(particles_, order_, grid_, TransferT::affine, params_.threads, moments_);
+    const std::vector<int>& nodes = node_order_.nodes();
+    parallel_chunks(
+        params_.threads, static_cast<std::ptrdiff_t>(nodes.size()), 64,
+        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          for (std::ptrdiff_t k = begin; k < end; ++k) {
+            const std::size_t j = static_cast<std::size_t>(nodes[static_cast<std::size_t>(k)]);
+            double volume = 0;
+            Vec<Dim> momentum = Vec<Dim>::Zero();
+            for_each_cell_of_node(
+                grid_, grid_.node_index(static_cast<int>(j)), [&](int cell, int corner) {
+                  if (order_.empty(cell))
+                    return;
+                  const CellMoments<Dim>& m = moments_[static_cast<std::size_t>(cell)];
+                  volume += corner_volume(m, corner);
+                  momentum += m.momentum[static_cast<std::size_t>(corner)];
+                });
+            material_volume_[j] = volume;
+            Wide u = Wide::Zero();
+            if (volume > 0)
+              u.template head<Dim>() = momentum / volume;
+            velocity_before_[j] = problem_.velocity[j] = u;
+          }
+        });
+  }
+
+  /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
+  void collect_cones() {
+    const double least_volume = params_.min_relative_mass * grid_.cell_volume();
+    problem_.node.clear();
+    problem_.blocks.clear();
+    problem_.colour_begin.clear();
+    const std::vector<int>& nodes = node_order_.nodes();
+    const std::vector<std::size_t>& colours = node_order_.colour_begin();
+    for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
+      problem_.colour_begin.push_back(problem_.blocks.size());
+      for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b) {
+        Block block;
+        block.cone_begin = problem_.node.size();
+        for (std::size_t k = node_order_.begin(b); k < node_order_.begin(b + 1); ++k) {
+          const std::size_t j = static_cast<std::size_t>(nodes[k]);
+          const bool active = material_volume_[j] >= least_volume;
+          problem_.inverse_mass[j] = Wide::Zero();
+          if (active) {
+            problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
+            problem_.node.push_back(nodes[k]);
+          } else {
+            node_stress_[j].setZero();
+            inertial_number_[j] = 0;
+          }
+        }
+        block.cone_end = problem_.node.size();
+        if (block.cone_end > block.cone_begin)
+          problem_.blocks.push_back(block);
+      }
+    }
+    problem_.colour_begin.push_back(problem_.blocks.size());
+
+    const std::size_t cones = problem_.node.size();
+    problem_.coupling.resize(cones);
+    problem_.void_rate.resize(cones);
+    problem_.friction.resize(cones);
+    problem_.volume.resize(cones);
+    problem_.stress.resize(cones);
+    parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
+                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                      for (std::ptrdiff_t i = begin; i < end; ++i)
+                        fill_cone(static_cast<std::size_t>(i));
+                    });
+  }
+
+  void fill_cone(std::size_t i) {
+    const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+    const Index<Dim> index = grid_.node_index(problem_.node[i]);
+    Coupling<Dim>& g = problem_.coupling[i];
+    g.setZero();
+    for_each_cell_of_node(grid_, index, [&](int cell, int corner) {
+      if (!order_.empty(cell))
+        add_coupling(moments_[static_cast<std::size_t>(cell)], corner, grid_.inverse_spacing(), g);
+    });
+    problem_.volume[i] = grid_.node_volume(index);
+    problem_.stress[i] = node_stress_[j];
+    // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left; overpacked nodes have none.
+    const double room = std::max(0.0, problem_.volume[i] - material_volume_[j]);
+    problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * params_.time_step));
+    problem_.friction[i] = cone_friction<Dim>(friction(i, j, index));
+  }
+
+  double friction(std::size_t i, std::size_t j, const Index<Dim>& index) {
+    if constexpr (RheologyT::rate_dependent) {
+      const double rate = strain_rate(problem_, stencil_, i).norm() / material_volume_[j];
+      inertial_number_[j] = rheology_.inertial_number()(rate, pressure(index));
+    } else {
+      static_cast<void>(i);
+      static_cast<void>(index);
+    }
+    return rheology_.friction(inertial_number_[j]);
+  }
+
+  void add_gravity() {
+    Wide change = Wide::Zero();
+    change.template head<Dim>() = params_.time_step * params_.gravity;
+    for (const int node : node_order_.nodes()) {
+      const std::size_t j = static_cast<std::size_t>(node);
+      if (material_volume_[j] > 0)
+        problem_.velocity[j] += change;
+    }
+  }
+
+  /// Calls visit(node number, axis, face) for every node of the box's faces.
+  template <class Visit>
+  void for_each_face(const Index<Dim>& index, const Visit& visit) const {
+    for (int a = 0; a < Dim; ++a) {
+      const std::size_t s = static_cast<std::size_t>(a);
+      if (index[a] == 0)
+        visit(a, false, params_.faces.lower[s]);
+      if (index[a] == grid_.cells(a))
+        visit(a, true, params_.faces.upper[s]);
+    }
+  }
+
+  /// u = 0 on sticking faces, u·n = 0 on slipping ones; there the inverse mass is 0 as well.
+  void apply_faces() {
+    for (const int node : node_order_.nodes()) {
+      const std::size_t j = static_cast<std::size_t>(node);
+      for_each_face(grid_.node_index(node), [&](int axis, bool, const Face& face) {
+        if (face.kind == FaceKind::stick) {
+          problem_.velocity[j].setZero();
+          problem_.inverse_mass[j].setZero();
+        } else if (face.kind == FaceKind::slip) {
+          problem_.velocity[j][axis] = 0;
+          problem_.inverse_mass[j][axis] = 0;
+        }
+      });
+    }
+  }
+
+  /// Contacts of the active nodes with frictional faces and obstacles, with their last impulses.
+  void collect_contacts() {
+    std::swap(last_contacts_, problem_.contacts);
+    problem_.contacts.clear();
+    auto last = last_contacts_.cbegin();
+    auto add = [&](Contact<Dim> contact) {
+      // Both lists are in the order of (rank of the node, source).
+      const auto before = [&](const Contact<Dim>& a, const Contact<Dim>& b) {
+        return std::pair(node_rank_[static_cast<std::size_t>(a.node)], a.source) <
+               std::pair(node_rank_[static_cast<std::size_t>(b.node)], b.source);
+      };
+      while (last != last_contacts_.cend() && before(*last, contact))
+        ++last;
+      if (last != last_contacts_.cend() && last->node == contact.node &&
+          last->source == contact.source)
+        contact.impulse = last->impulse;
+      problem_.contacts.push_back(contact);
+    };
+    for (Block& block : problem_.blocks) {
+      block.contact_begin = problem_.contacts.size();
+      for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+        const int node = problem_.node[i];
+        const Wide& inverse_mass = problem_.inverse_mass[static_cast<std::size_t>(node)];
+        const Index<Dim> index = grid_.node_index(node);
+        for_each_face(index, [&](int axis, bool upper, const Face& face) {
+          if (face.kind != FaceKind::frictional || !(inverse_mass[axis] > 0))
+            return;
+          Contact<Dim> contact;
+          contact.node = node;
+          contact.source = 2 * axis + (upper ? 1 : 0);
+          contact.normal[axis] = upper ? -1 : 1;
+          contact.friction = face.friction;
+          add(contact);
+        });
+        if (!(inverse_mass.maxCoeff() > 0))
+          continue;
+        for (std::size_t o = 0; o < params_.obstacles.size(); ++o) {
+          const auto held =
+              params_.obstacles[o]->contact(grid_.node_position(index), grid_.spacing(), time_);
+          if (!held)
+            continue;
+          Contact<Dim> contact;
+          contact.node = node;
+          contact.source = 2 * Dim + static_cast<int>(o);
+          contact.normal = held->normal;
+          contact.wall_velocity = held->velocity;
+          contact.friction = held->friction;
+          add(contact);
+        }
+      }
+      block.contact_end = problem_.contacts.size();
+    }
+  }
+
+  /// Keeps λ per node for the next step's warm start, and for output.
+  void keep_stresses() {
+    for (std::size_t i = 0; i < problem_.cones(); ++i)
+      node_stress_[static_cast<std::size_t>(problem_.node[i])] = problem_.stress[i];
+  }
+
+  /// v_p, C_p and x_p from the grid's new velocities.
+  void grid_to_particles() {
+    parallel_chunks(params_.threads, grid_.cell_count(), 16,
+                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                      for (int c = static_cast<int>(begin); c < end; ++c)
+                        if (!order_.empty(c))
+                          update_cell(c);
+                    });
+  }
+
+  void update_cell(int cell_number) {
+    const Index<Dim> cell = grid_.cell_index(cell_number);
+    const int first = grid_.first_node(cell);
+    std::array<Vec<Dim>, static_cast<std::size_t>(corners)> u, before;
+    for (int c = 0; c < corners; ++c) {
+      const std::size_t j = static_cast<std::size_t>(first + grid_.corner_offset(c));
+      u[static_cast<std::size_t>(c)] = problem_.velocity[j].template head<Dim>();
+      before[static_cast<std::size_t>(c)] = velocity_before_[j].template head<Dim>();
+    }
+    const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
+    for (std::size_t p = order_.begin(cell_number); p < order_.begin(cell_number + 1); ++p) {
+      Vec<Dim>& x = particles_.position[p];
+      const Vec<Dim> xi = grid_.local(x, cell);
+      const auto n = Multilinear<Dim>::values(xi);
+      const auto dn = Multilinear<Dim>::gradients(xi, grid_.inverse_spacing());
+      GridSample<Dim> sample{Vec<Dim>::Zero(), Vec<Dim>::Zero(), Mat<Dim>::Zero()};
+      for (std::size_t c = 0; c < static_cast<std::size_t>(corners); ++c) {
+        sample.velocity += n[c] * u[c];
+        sample.velocity_before += n[c] * before[c];
+        sample.gradient += u[c] * dn[c].transpose();
+      }
+      transfer_.update(sample, particles_.velocity[p], particles_.affine[p]);
+      x += params_.time_step * sample.velocity;
+      for (int a = 0; a < Dim; ++a) {
+        // A wall lets nothing through, not even what a contact's residual would.
+        const std::size_t s = static_cast<std::size_t>(a);
+        if (params_.faces.lower[s].kind != FaceKind::free)
+          x[a] = std::max(x[a], lower[a]);
+        if (params_.faces.upper[s].kind != FaceKind::free)
+          x[a] = std::min(x[a], upper[a]);
+      }
+    }
+  }
+
+  /// Takes out the particles that passed a free face.
+  void remove_outflow(StepReport& report) {
+    bool open = false;
+    for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+      open = open || params_.faces.lower[a].kind == FaceKind::free ||
+             params_.faces.upper[a].kind == FaceKind::free;
+    if (!open)
+      return;
+    const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
+    std::size_t kept = 0;
+    for (std::size_t p = 0; p < particles_.size(); ++p) {
+      const Vec<Dim>& x = particles_.position[p];
+      if ((x.array() >= lower.array()).all() && (x.array() <= upper.array()).all()) {
+        if (kept != p)
+          particles_.copy(kept, particles_, p);
+        ++kept;
+      } else {
+        ++report.outflow;
+        report.outflow_volume += particles_.volume[p];
+      }
+    }
+    particles_.resize(kept);
+  }
+
+  Params params_;
+  Grid<Dim> grid_;
+  RheologyT rheology_;
+  TransferT transfer_;
+  SolverT solver_;
+  Stencil<Dim> stencil_;
+  BlockOrder<Dim> node_order_;
+  std::vector<std::size_t> node_rank_; ///< place of a node in node_order_
+  Particles<Dim> particles_;
+  double time_ = 0;
+  std::size_t steps_ = 0;
+
+  // Workspace, and what one step leaves for the next.
+  CellOrder<Dim> order_;
+  std::vector<CellMoments<Dim>> moments_;     ///< #cells
+  std::vector<double> material_volume_;       ///< Σ V_p N_i, #nodes, m^d
+  std::vector<NodeVec<Dim>> velocity_before_; ///< u*, #nodes, m/s
+  std::vector<Vec<cone_size>> node_stress_;   ///< λ, #nodes, Pa s
+  std::vector<double> inertial_number_;       ///< #nodes
+  std::vector<Contact<Dim>> last_contacts_;
+  DualProblem<Dim> problem_;
+  typename SolverT::template Workspace<Dim> workspace_;
+};
+
+} // namespace talus
