@@ -260,7 +260,7 @@ class Picture:
                               label=f"{label}: run-out and rest time")
         axes.plot(time, self.front["runout_m"], color=RUN, lw=2.4, label="this run")
         rest = number(self.measured, "rest_time_s")
-        if rest is not None:
+        if rest is not None and rest <= time[-1]:
             axes.plot(rest, np.interp(rest, time, self.front["runout_m"]), color=RUN, marker="D",
                       ms=9, mfc="white", mew=2, ls="none", label="this run comes to rest")
         highest = max(axes.get_ylim()[1], 1e-3)
@@ -268,7 +268,7 @@ class Picture:
                  ylim=(0, 1.04 * highest), xlabel="time (s)", ylabel="run-out from the gate (m)")
         axes.grid(color="0.9")
         axes.set_axisbelow(True)
-        axes.legend(loc="lower right", framealpha=0.95)
+        axes.legend(loc="best", framealpha=0.95)
 
     def final_profile(self, axes):
         last = at_time(self.profiles, self.profiles["time_s"].max())
@@ -293,7 +293,8 @@ class Picture:
                                              else ": run-out"))
         self.channel_axes(axes)
         axes.set(xlabel="x, down the slope (m)", ylabel="z (m)")
-        axes.legend(loc="upper right", ncol=2, framealpha=0.95)
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=4, frameon=False,
+                    borderaxespad=0.2)
 
     def draw(self):
         ratio = self.z_max / self.x_max
@@ -306,7 +307,7 @@ class Picture:
 
         top = 1.05
         front_top = top + math.ceil(len(images) / columns) * step + 1.6
-        profile_top = front_top + 3.4 + 0.95
+        profile_top = front_top + 3.4 + 1.2
         self.height = profile_top + 14.6 * ratio + 0.8
         self.figure = plt.figure(figsize=(WIDTH, self.height))
         self.titles()

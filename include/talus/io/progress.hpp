@@ -90,7 +90,7 @@ class Progress {
   /// "42 s", "3 min 05 s" or "2 h 07 min". seconds: ≥ 0.
   static std::string duration(double seconds) {
     const auto two_digits = [](long long n) { return (n < 10 ? "0" : "") + std::to_string(n); };
-    const auto s = static_cast<long long>(std::clamp(seconds, 0.0, 1e15) + 0.5);
+    const long long s = std::llround(std::clamp(seconds, 0.0, 1e15));
     if (s < 60)
       return std::to_string(s) + " s";
     if (s < 3600)

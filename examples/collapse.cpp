@@ -1,0 +1,457 @@
+// SPDX-License-Identifier: MIT
+//
+// A granular column collapses over an inclined erodible bed when a gate rises: the experiments of
+// Rousseau et al., J. Fluid Mech. 2023. Prints the measured deposit beside the published one and
+// leaves summary.json, tables, ParaView files and a picture.
+
+#include "support/command_line.hpp"
+#include "support/policies.hpp"
+#include "support/results.hpp"
+
+#include "talus/boundary/gate.hpp"
+#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/law.hpp"
+#include "talus/cone/secular.hpp"
+#include "talus/diagnostics/profile.hpp"
+#include "talus/io/csv.hpp"
+#include "talus/io/progress.hpp"
+#include "talus/io/vtk.hpp"
+#include "talus/scene/collapse.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr double threshold_speed = 0.01;   // m/s: what the paper calls flowing
+constexpr double threshold_height = 0.002; // m above the bed: what the paper counts as deposit
+constexpr double rest_hold = 0.1;          // s without motion that end a run
+
+struct Options {
+  std::string case_name = "B15", preset = "paper", resolution = "coarse", solver = "gauss-seidel";
+  std::string vtk = "all", seeding;
+  int dimension = 3;
+  support::PolicyOptions policies;
+  std::optional<double> friction, wall_friction, gate_friction, width, end_time, time_step;
+  std::optional<int> per_axis;
+  std::vector<double> cell;
+  double jitter = talus::Seeding{}.jitter, max_time = 6, snapshot_interval = 0.1,
+         sample_interval = 0.01;
+  std::uint64_t seed = 1;
+  double tolerance = 1e-4;
+  int max_sweeps = 1000;
+  bool until_rest = false;
+  support::CommonOptions common;
+};
+
+/// A run of the paper: what is to be simulated and what is published of it.
+struct Case {
+  talus::CollapseSetup setup;
+  support::GrainMaterial material;
+  json published = nullptr;
+};
+
+Case load_case(const Options& options) {
+  const support::Toml file = support::load_case_file(options.case_name);
+  const std::string material_name = file.text("material");
+  const support::Toml materials = support::load_case_file("materials");
+  const support::Toml material = materials.table(material_name);
+  const support::Toml preset = file.table(options.preset);
+  file.only({"material", "inclination_deg", "paper", "repository", "published"});
+  preset.only({"column_length", "column_height", "bed_depth", "length", "width", "height"});
+
+  Case run;
+  run.material = support::grain_material(material_name, material);
+  talus::CollapseSetup& setup = run.setup;
+  setup.inclination_deg = file.number("inclination_deg");
+  setup.column_length = preset.number("column_length");
+  setup.column_height = preset.number("column_height");
+  setup.bed_depth = preset.number("bed_depth");
+  setup.length = preset.number("length");
+  setup.width = options.width.value_or(preset.number("width"));
+  setup.height = preset.number("height");
+  setup.gate.terminal_speed = material.number("gate_speed");
+  setup.gate.time_constant = material.number("gate_time");
+  setup.wall_friction = options.wall_friction.value_or(run.material.mu_wall);
+  setup.gate_friction = options.gate_friction.value_or(setup.wall_friction);
+  if (options.preset == "repository") {
+    // The authors' scripts: walls act sqrt(3/2) μ_w in 3-D, the end wall sticks, the gate opens
+    // after the material has settled.
+    if (options.dimension == 3)
+      setup.wall_friction *= std::sqrt(1.5);
+    setup.downstream_sticks = true;
+    setup.gate.opening_time = 0.2;
+    if (material.has("repository")) {
+      setup.gate.terminal_speed = material.table("repository").number("gate_speed");
+      setup.gate.time_constant = material.table("repository").number("gate_time");
+    }
+  }
+  if (file.has("published"))
+    run.published = file.table("published").to_json();
+  return run;
+}
+
+/// Time series of what the front does.
+class Measurement {
+ public:
+  template <class Sim>
+  void sample(const Sim& sim, const talus::CollapseSetup& setup) {
+    const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
+    front = talus::front_position(profile, setup.bed_depth + threshold_height);
+    height_wall = profile.height.front() - setup.bed_depth;
+    volume = talus::volume_under_surface(sim);
+  }
+  double front = 0, height_wall = 0, volume = 0;
+};
+
+template <class Sim>
+void write_snapshot(const Sim& sim, double time, talus::CsvWriter& profiles,
+                    talus::CsvWriter& sections) {
+  constexpr int dim = Sim::dimension, up = talus::up_axis<dim>;
+  const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
+  for (std::size_t i = 0; i < profile.x.size(); ++i)
+    profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
+  for (int i = 0; i <= sim.grid().cells(0); ++i)
+    for (int k = 0; k <= sim.grid().cells(up); ++k) {
+      talus::Index<dim> node;
+      node[0] = i;
+      node[up] = k;
+      const talus::Vec<dim> x = sim.grid().node_position(node);
+      sections.row(time, x[0], x[up], sim.volume_fraction(node), sim.velocity(node).norm());
+    }
+  profiles.flush();
+  sections.flush();
+}
+
+template <class Sim>
+void write_vtk(const Sim& sim, double time, const fs::path& out, talus::VtkSeries& particle_series,
+               talus::VtkSeries& grid_series, int frame) {
+  constexpr int dim = Sim::dimension;
+  char name[32];
+  std::snprintf(name, sizeof name, "%04d", frame);
+  const fs::path particles = out / "vtk" / ("particles_" + std::string(name) + ".vtp");
+  const fs::path grid = out / "vtk" / ("grid_" + std::string(name) + ".vti");
+  talus::write_vtk_particles<dim>(particles, sim.particles().position,
+                                  {talus::vtk_field("velocity", sim.particles().velocity),
+                                   talus::vtk_field("volume", sim.particles().volume)});
+  particle_series.add(time, particles);
+  talus::Index<dim> nodes;
+  for (int a = 0; a < dim; ++a)
+    nodes[a] = sim.grid().cells(a) + 1;
+  using Node = talus::Index<dim>;
+  talus::write_vtk_image<dim>(
+      grid, sim.grid().origin(), sim.grid().spacing(), nodes,
+      {talus::vtk_node_field<dim>("volume_fraction", nodes,
+                                  [&](const Node& n) { return sim.volume_fraction(n); }),
+       talus::vtk_node_field<dim>("velocity", nodes,
+                                  [&](const Node& n) { return sim.velocity(n); }),
+       talus::vtk_node_field<dim>("pressure", nodes,
+                                  [&](const Node& n) { return sim.pressure(n); }),
+       talus::vtk_node_field<dim>("inertial_number", nodes,
+                                  [&](const Node& n) { return sim.inertial_number(n); })});
+  grid_series.add(time, grid);
+}
+
+template <int Dim, class Solver>
+int run(const Options& options, const Case& collapse) {
+  using Sim = talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>;
+  const bool reference = options.resolution == "reference";
+  talus::CollapseSetup setup = collapse.setup;
+  setup.validate();
+  talus::Vec<3> cell =
+      reference ? talus::Vec<3>(0.01, 0.01, 0.005) : talus::Vec<3>(0.02, 0.02, 0.01);
+  if (!options.cell.empty())
+    cell = talus::Vec<3>(options.cell[0], options.cell[1], options.cell[2]);
+  if (options.preset == "repository")
+    setup.gate_thickness = 2 * cell[0];
+
+  typename Sim::Params params;
+  params.grid = setup.grid<Dim>(cell);
+  params.material.density = collapse.material.density;
+  params.gravity = setup.gravity_vector<Dim>();
+  params.time_step = options.time_step.value_or(reference ? 8.3e-4 : 1.66e-3);
+  params.faces = setup.faces<Dim>();
+  const auto gate = setup.make_gate<Dim>();
+  params.obstacles.push_back(gate);
+  params.rheology = support::rheology_params(options.policies, collapse.material, options.friction,
+                                             options.preset == "repository");
+  params.transfer = support::transfer_params(options.policies);
+  params.solver.tolerance = options.tolerance;
+  params.solver.max_sweeps = options.max_sweeps;
+  params.threads = options.common.threads;
+
+  talus::Seeding seeding;
+  seeding.per_axis = options.per_axis.value_or(reference ? 6 : 3);
+  seeding.jitter = options.jitter;
+  seeding.seed = options.seed;
+  seeding.pattern = options.seeding == "random" ? talus::Seeding::Pattern::random
+                                                : talus::Seeding::Pattern::jittered;
+  const talus::Grid<Dim> grid(params.grid);
+  Sim sim(params, setup.particles<Dim>(grid, seeding));
+  double material_volume = 0;
+  for (const double v : sim.particles().volume)
+    material_volume += v;
+
+  // All input is known to be good: from here on files are written.
+  const fs::path out = options.common.prepare_out();
+  const fs::path summary_file = out / "summary.json";
+  fs::remove(summary_file); // a summary always belongs to a finished run
+  if (options.vtk != "none")
+    fs::create_directories(out / "vtk");
+  talus::CsvWriter front(out / "front.csv", {"time_s", "front_m", "runout_m", "height_wall_m",
+                                             "speed_max_m_s", "volume_m3", "gate_height_m"});
+  talus::CsvWriter profiles(out / "profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
+  talus::CsvWriter sections(out / "sections.csv",
+                            {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
+  std::optional<talus::VtkSeries> particle_series, grid_series;
+  if (options.vtk != "none") {
+    particle_series.emplace(out / "particles.pvd");
+    grid_series.emplace(out / "grid.pvd");
+  }
+
+  const double opening = setup.gate.opening_time;
+  const double last_time = opening + options.end_time.value_or(options.max_time);
+  talus::RestDetector rest(threshold_speed, rest_hold);
+  Measurement now;
+  support::SolverStatistics statistics;
+  int frame = 0;
+  double next_sample = 0, next_snapshot = opening;
+  const auto snapshot = [&](bool last) {
+    write_snapshot(sim, sim.time() - opening, profiles, sections);
+    if (options.vtk == "all" || (last && options.vtk == "last"))
+      write_vtk(sim, sim.time() - opening, out, *particle_series, *grid_series, frame);
+    ++frame;
+  };
+
+  talus::Progress progress("collapse " + options.case_name, {.quiet = options.common.quiet});
+  const support::Stopwatch stopwatch;
+  std::string status = "completed";
+  while (true) {
+    const double before = sim.time() - opening;
+    const talus::StepReport report = sim.step();
+    statistics.add(report);
+    if (!report.completed()) {
+      status = "failed: the solver met numbers that are not finite";
+      break;
+    }
+    const double time = sim.time() - opening; // since the gate began to move
+    const double speed = talus::largest_speed(sim);
+    rest.update(std::max(0.0, time), speed);
+    const bool is_last =
+        sim.time() >= last_time - 0.5 * params.time_step || support::interrupted() ||
+        (!options.end_time && time > 0 && gate->speed(sim.time()) > 0 && rest.at_rest());
+    if (time + 0.5 * params.time_step >= next_sample || is_last) {
+      // The fields of the step are those at its start, before the particles moved on.
+      now.sample(sim, setup);
+      front.row(before, now.front, now.front - setup.column_length, now.height_wall, speed,
+                now.volume, gate->bottom(sim.time()));
+      next_sample += options.sample_interval;
+    }
+    if (sim.time() + 0.5 * params.time_step >= next_snapshot || is_last) {
+      snapshot(is_last);
+      front.flush();
+      next_snapshot += options.snapshot_interval;
+    }
+    char text[96];
+    std::snprintf(text, sizeof text, "t = %.3f s, fastest %.3f m/s, run-out %.3f m, %d sweeps",
+                  time, speed, now.front - setup.column_length, report.solve.iterations);
+    progress.update(sim.time() / last_time, text);
+    if (is_last)
+      break;
+  }
+  if (support::interrupted())
+    status = "interrupted";
+  else if (status == "completed" && !options.end_time && !rest.at_rest())
+    status = "not at rest after " + std::to_string(options.max_time) + " s";
+  progress.finish(status);
+  front.close();
+  profiles.close();
+  sections.close();
+
+  const double volume_loss = 1 - now.volume / material_volume;
+  const double runout = now.front - setup.column_length;
+  json domain = json::array();
+  for (int a = 0; a < Dim; ++a)
+    domain.push_back(params.grid.size[a]);
+  json cells = json::array();
+  for (int a = 0; a < Dim; ++a)
+    cells.push_back(params.grid.cells[a]);
+  json summary;
+  summary["program"] = "collapse";
+  summary["versions"] = support::versions();
+  summary["status"] = status;
+  summary["inputs"] = {{"case", options.case_name},
+                       {"preset", options.preset},
+                       {"resolution", options.cell.empty() ? options.resolution : "custom"},
+                       {"dimension", Dim},
+                       {"rheology", options.policies.rheology},
+                       {"friction", options.friction ? json(*options.friction) : json(nullptr)},
+                       {"transfer", options.policies.transfer},
+                       {"solver", options.solver},
+                       {"tolerance", options.tolerance},
+                       {"max_sweeps", options.max_sweeps},
+                       {"material", collapse.material.name},
+                       {"inclination_deg", setup.inclination_deg},
+                       {"column_length_m", setup.column_length},
+                       {"column_height_m", setup.column_height},
+                       {"bed_depth_m", setup.bed_depth},
+                       {"domain_m", domain},
+                       {"cells", cells},
+                       {"particles", sim.particles().size()},
+                       {"particles_per_cell_edge", seeding.per_axis},
+                       {"seeding", options.seeding},
+                       {"jitter", seeding.jitter},
+                       {"seed", seeding.seed},
+                       {"wall_friction", setup.wall_friction},
+                       {"gate_friction", setup.gate_friction},
+                       {"gate_opening_time_s", opening},
+                       {"time_step_s", params.time_step},
+                       {"threads", params.threads}};
+  summary["measured"] = {{"runout_m", runout},
+                         {"height_final_m", now.height_wall},
+                         {"rest_time_s", rest.last_motion()},
+                         {"volume_loss", volume_loss},
+                         {"material_volume", material_volume},
+                         {"end_time_s", sim.time() - opening}};
+  summary["published"] = collapse.published;
+  summary["solver"] = statistics.solver_json();
+  summary["seconds"] = statistics.phase_json();
+  summary["steps"] = sim.steps();
+  summary["wall_seconds"] = stopwatch.seconds();
+  summary["state_checksum"] = talus::state_checksum(sim.particles());
+  support::write_json(summary_file, summary);
+
+  if (!options.common.quiet) {
+    const auto published = [&](const char* key) {
+      return collapse.published.is_null() ? std::numeric_limits<double>::quiet_NaN()
+                                          : collapse.published.at(key).template get<double>();
+    };
+    std::printf("%s, %s preset, %s, %d-D, %zu particles: %s\n", options.case_name.c_str(),
+                options.preset.c_str(), options.resolution.c_str(), Dim, sim.particles().size(),
+                status.c_str());
+    std::printf("%-22s %10s %20s %20s\n", "", "talus", "authors' simulation", "experiment");
+    const auto line = [&](const char* what, double value, const std::string& key,
+                          const char* half_exp, const char* half_sim) {
+      std::printf(
+          "%-22s %10.3f %12.3f ± %.3f %12.3f ± %.3f\n", what, value,
+          published(
+              (key + "_sim" + (key == "height_final" || key == "runout" ? "_m" : "_s")).c_str()),
+          published(half_sim),
+          published(
+              (key + "_exp" + (key == "height_final" || key == "runout" ? "_m" : "_s")).c_str()),
+          published(half_exp));
+    };
+    line("run-out (m)", runout, "runout", "runout_exp_pm_m", "runout_sim_pm_m");
+    line("final height (m)", now.height_wall, "height_final", "height_final_pm_m",
+         "height_final_pm_m");
+    line("rest time (s)", rest.last_motion(), "rest_time", "rest_time_exp_pm_s",
+         "rest_time_sim_pm_s");
+    std::printf("%-22s %9.2f%%\n", "volume loss", 100 * volume_loss);
+    statistics.print(sim.steps(), stopwatch.seconds());
+  }
+  support::draw(options.common, "plot_collapse.py", out);
+  if (status == "interrupted")
+    return 130;
+  return status.starts_with("failed") ? 1 : 0;
+}
+
+template <class Solver>
+int run_in_dimension(const Options& options, const Case& collapse) {
+  return options.dimension == 2 ? run<2, Solver>(options, collapse)
+                                : run<3, Solver>(options, collapse);
+}
+
+int run_collapse(Options options) {
+  if (options.until_rest && options.end_time)
+    throw std::invalid_argument("--until-rest and --end-time exclude each other");
+  if (options.seeding.empty())
+    options.seeding = "jittered";
+  if (!(options.snapshot_interval > 0))
+    talus::throw_invalid("--snapshot-interval", options.snapshot_interval, "a number > 0");
+  if (!(options.sample_interval > 0))
+    talus::throw_invalid("--sample-interval", options.sample_interval, "a number > 0");
+  if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
+    talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
+  talus::require_positive("--max-time", options.max_time);
+  const Case collapse = load_case(options);
+  using talus::CoulombLaw, talus::GaussSeidel, talus::SecularSolver, talus::FischerBurmeisterNewton;
+  if (options.solver == "gauss-seidel")
+    return run_in_dimension<GaussSeidel<SecularSolver>>(options, collapse);
+  if (options.solver == "gauss-seidel-coulomb")
+    return run_in_dimension<GaussSeidel<SecularSolver, CoulombLaw>>(options, collapse);
+  return run_in_dimension<GaussSeidel<FischerBurmeisterNewton, CoulombLaw>>(options, collapse);
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("A granular column collapses over an inclined erodible bed (Rousseau et al. 2023).");
+  app.add_option("--case", options.case_name, "Run of the paper: " + support::case_names())
+      ->capture_default_str();
+  app.add_option("--preset", options.preset, "Set-up: the paper's text or its authors' scripts")
+      ->check(CLI::IsMember({"paper", "repository"}))
+      ->capture_default_str();
+  app.add_option("--resolution", options.resolution, "Grid, time step and particles per cell")
+      ->check(CLI::IsMember({"coarse", "reference"}))
+      ->capture_default_str();
+  app.add_option("--dim", options.dimension, "Dimension")
+      ->check(CLI::IsMember({2, 3}))
+      ->capture_default_str();
+  support::add_policy_options(app, options.policies);
+  app.add_option(
+         "--solver", options.solver,
+         "gauss-seidel: lagged de Saxce term, secular local solver; gauss-seidel-coulomb: the "
+         "non-associated law; gauss-seidel-newton: the same with the paper's local solver")
+      ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-coulomb", "gauss-seidel-newton"}))
+      ->capture_default_str();
+  app.add_option("--tolerance", options.tolerance,
+                 "Solver: relative residual at which a step is solved")
+      ->capture_default_str();
+  app.add_option("--max-sweeps", options.max_sweeps, "Solver: most sweeps in a step")
+      ->capture_default_str();
+  app.add_flag("--until-rest", options.until_rest,
+               "Run until nothing moves faster than 0.01 m/s (default)");
+  app.add_option("--end-time", options.end_time,
+                 "Run for so many seconds after the gate's opening");
+  app.add_option("--max-time", options.max_time, "Stop here if there is no rest, s")
+      ->capture_default_str();
+  app.add_option("--friction", options.friction, "Friction coefficient instead of the material's");
+  app.add_option("--wall-friction", options.wall_friction,
+                 "Wall friction instead of the material's");
+  app.add_option("--gate-friction", options.gate_friction, "Gate friction instead of the walls'");
+  app.add_option("--width", options.width, "Channel width instead of the case's, m");
+  app.add_option("--cell", options.cell,
+                 "Cell edges along, across, up instead of the resolution's, m")
+      ->expected(3);
+  app.add_option("--time-step", options.time_step, "Time step instead of the resolution's, s");
+  app.add_option("--particles-per-edge", options.per_axis, "Particles along a cell's edge");
+  app.add_option("--seeding", options.seeding,
+                 "Initial positions: jittered lattice (default) or random")
+      ->check(CLI::IsMember({"jittered", "random"}));
+  app.add_option("--jitter", options.jitter, "Of the lattice, 0 to 1")->capture_default_str();
+  app.add_option("--seed", options.seed, "Of the random numbers")->capture_default_str();
+  app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
+  app.add_option("--sample-interval", options.sample_interval, "Of front.csv, s")
+      ->capture_default_str();
+  app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
+      ->check(CLI::IsMember({"all", "last", "none"}))
+      ->capture_default_str();
+  support::add_common_options(app, options.common, "out/collapse");
+  return support::run_program(app, argc, argv, [&] { return run_collapse(options); });
+}

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+#include <toml++/toml.h>
+
+#include "talus/core/error.hpp"
+#include "talus/core/parallel.hpp"
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <filesystem>
+#include <initializer_list>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <vector>
+
+/// \file
+/// What all example programs share at their edges: common options, case files, errors, interrupts.
+
+namespace support {
+
+namespace fs = std::filesystem;
+
+/// Folder of the examples' sources: case files and plot scripts.
+inline fs::path examples_folder() {
+  return TALUS_EXAMPLES_DIR;
+}
+
+/// --out, --threads, --quiet, --no-plot.
+struct CommonOptions {
+  std::string out;
+  int threads = talus::available_threads();
+  bool quiet = false, no_plot = false;
+
+  /// Creates the output folder and checks that files can be written there. Throws
+  /// std::invalid_argument.
+  fs::path prepare_out() const {
+    std::error_code error;
+    fs::create_directories(out, error);
+    const fs::path probe = fs::path(out) / ".talus-write-test";
+    std::FILE* file = error ? nullptr : std::fopen(probe.c_str(), "w");
+    if (file == nullptr)
+      throw std::invalid_argument("--out is " + out +
+                                  "; allowed: a folder that can be created and written" +
+                                  (error ? " (" + error.message() + ")" : ""));
+    std::fclose(file);
+    fs::remove(probe);
+    return out;
+  }
+};
+
+inline void add_common_options(CLI::App& app, CommonOptions& options,
+                               const std::string& default_out) {
+  options.out = default_out;
+  app.add_option("--out", options.out, "Folder for the results")->capture_default_str();
+  app.add_option("--threads", options.threads, "Threads; the result does not depend on it")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_flag("--quiet", options.quiet, "Print nothing but errors");
+  app.add_flag("--no-plot", options.no_plot, "Draw no picture");
+}
+
+namespace detail {
+inline volatile std::sig_atomic_t interrupt_flag = 0;
+extern "C" inline void on_interrupt(int) {
+  interrupt_flag = 1;
+}
+} // namespace detail
+
+/// Has the user asked the program to stop (Ctrl-C, SIGTERM)? The step is finished and results
+/// written.
+inline bool interrupted() {
+  return detail::interrupt_flag != 0;
+}
+
+/// Parses the command line and runs `body`. Exit status: body's; 2 for wrong input, with a message
+/// that names it; 1 for anything else.
+template <class Body>
+int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int status = app.exit(error);
+    return status == 0 ? 0 : 2;
+  }
+  std::signal(SIGINT, detail::on_interrupt);
+  std::signal(SIGTERM, detail::on_interrupt);
+  const std::string name = fs::path(argv[0]).filename().string();
+  try {
+    return body();
+  } catch (const std::invalid_argument& error) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
+    return 1;
+  }
+}
+
+/// A table of a TOML file whose errors name the file and the key.
+class Toml {
+ public:
+  Toml(std::string where, toml::table table) : where_(std::move(where)), table_(std::move(table)) {}
+
+  bool has(std::string_view key) const { return table_.contains(key); }
+
+  double number(std::string_view key) const {
+    const auto value = table_[key].value<double>();
+    if (!value)
+      throw std::invalid_argument(where_ + ": " + std::string(key) + " is missing or not a number");
+    return *value;
+  }
+  double number(std::string_view key, double fallback) const {
+    return has(key) ? number(key) : fallback;
+  }
+
+  std::string text(std::string_view key) const {
+    const auto value = table_[key].value<std::string>();
+    if (!value)
+      throw std::invalid_argument(where_ + ": " + std::string(key) + " is missing or not a text");
+    return *value;
+  }
+
+  Toml table(std::string_view key) const {
+    const toml::table* inner = table_[key].as_table();
+    if (inner == nullptr)
+      throw std::invalid_argument(where_ + ": [" + std::string(key) +
+                                  "] is missing or not a table");
+    return {where_ + ": [" + std::string(key) + "]", *inner};
+  }
+
+  /// Throws std::invalid_argument if there is any other key.
+  void only(std::initializer_list<std::string_view> known) const {
+    for (const auto& [key, value] : table_)
+      if (std::find(known.begin(), known.end(), key.str()) == known.end()) {
+        std::string message = where_ + ": unknown key " + std::string(key.str()) + "; allowed:";
+        for (const std::string_view name : known)
+          message += " " + std::string(name);
+        throw std::invalid_argument(message);
+      }
+  }
+
+  /// All numbers of this table.
+  nlohmann::json to_json() const {
+    nlohmann::json json;
+    for (const auto& [key, value] : table_)
+      json[std::string(key.str())] = number(key.str());
+    return json;
+  }
+
+ private:
+  std::string where_;
+  toml::table table_;
+};
+
+/// Names of the case files that come with the examples.
+inline std::string case_names() {
+  std::vector<std::string> names;
+  std::error_code error;
+  for (const auto& entry : fs::directory_iterator(examples_folder() / "cases", error))
+    if (entry.path().extension() == ".toml" && entry.path().stem() != "materials")
+      names.push_back(entry.path().stem().string());
+  std::sort(names.begin(), names.end());
+  std::string all;
+  for (const std::string& name : names)
+    all += (all.empty() ? "" : ", ") + name;
+  return all;
+}
+
+/// Reads a case by its name, or a user's own file by its path (*.toml). Throws
+/// std::invalid_argument.
+inline Toml load_case_file(const std::string& name) {
+  fs::path path = name;
+  if (path.extension() != ".toml")
+    path = examples_folder() / "cases" / (name + ".toml");
+  if (name.empty() || !fs::is_regular_file(path))
+    throw std::invalid_argument("--case is " + name + "; allowed: " + case_names() +
+                                ", or a .toml file like those in examples/cases");
+  try {
+    return {path.filename().string(), toml::parse_file(path.string())};
+  } catch (const toml::parse_error& error) {
+    throw std::invalid_argument(path.string() + ": line " +
+                                std::to_string(error.source().begin.line) + ": " +
+                                std::string(error.description()));
+  }
+}
+
+} // namespace support

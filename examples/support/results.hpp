@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "command_line.hpp"
+
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/simulation.hpp"
+#include "talus/version.hpp"
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+
+/// \file
+/// What all example programs leave behind: summary.json, solver statistics, a picture.
+
+namespace support {
+
+class Stopwatch {
+ public:
+  double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+inline nlohmann::json versions() {
+  return {{"talus", TALUS_VERSION},
+          {"eigen", std::to_string(EIGEN_WORLD_VERSION) + "." +
+                        std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                        std::to_string(EIGEN_MINOR_VERSION)},
+          {"compiler",
+#ifdef __clang__
+           std::string("clang ") + __clang_version__
+#else
+           std::string("gcc ") + __VERSION__
+#endif
+          }};
+}
+
+/// Sums up the reports of the steps of a run.
+class SolverStatistics {
+ public:
+  void add(const talus::StepReport& report) {
+    ++steps_;
+    iterations_ += report.solve.iterations;
+    iterations_max_ = std::max(iterations_max_, report.solve.iterations);
+    residual_max_ = std::max(residual_max_, report.solve.residual.l2);
+    not_converged_ += report.solve.status != talus::SolveStatus::converged;
+    local_misses_ += report.solve.local_misses;
+    cones_max_ = std::max(cones_max_, report.cones);
+    outflow_ += report.outflow;
+    seconds_.to_grid += report.seconds.to_grid;
+    seconds_.assembly += report.seconds.assembly;
+    seconds_.solve += report.seconds.solve;
+    seconds_.to_particles += report.seconds.to_particles;
+  }
+
+  nlohmann::json solver_json() const {
+    return {{"iterations_mean", iterations_mean()}, {"iterations_max", iterations_max_},
+            {"residual_max", residual_max_},        {"steps_not_converged", not_converged_},
+            {"local_misses", local_misses_},        {"cones_max", cones_max_},
+            {"outflow_particles", outflow_}};
+  }
+  nlohmann::json phase_json() const {
+    return {{"to_grid", seconds_.to_grid},
+            {"assembly", seconds_.assembly},
+            {"solve", seconds_.solve},
+            {"to_particles", seconds_.to_particles}};
+  }
+
+  void print(std::size_t steps, double wall_seconds) const {
+    const double total = std::max(seconds_.total(), 1e-300);
+    std::printf(
+        "%zu steps in %.1f s; grid %.0f%%, assembly %.0f%%, solve %.0f%%, particles %.0f%%\n",
+        steps, wall_seconds, 100 * seconds_.to_grid / total, 100 * seconds_.assembly / total,
+        100 * seconds_.solve / total, 100 * seconds_.to_particles / total);
+    std::printf("solver: %.0f sweeps a step, largest residual %.1e", iterations_mean(),
+                residual_max_);
+    if (not_converged_ > 0)
+      std::printf(", WARNING: %zu steps stopped above the tolerance", not_converged_);
+    std::printf("\n");
+  }
+
+ private:
+  double iterations_mean() const {
+    return steps_ > 0 ? static_cast<double>(iterations_) / static_cast<double>(steps_) : 0;
+  }
+  std::size_t steps_ = 0, not_converged_ = 0, local_misses_ = 0, cones_max_ = 0, outflow_ = 0;
+  long iterations_ = 0;
+  int iterations_max_ = 0;
+  double residual_max_ = 0;
+  talus::PhaseSeconds seconds_;
+};
+
+/// Writes a file whole or not at all. Throws std::runtime_error.
+inline void write_json(const fs::path& path, const nlohmann::json& json) {
+  const fs::path temporary = path.string() + ".tmp";
+  {
+    std::ofstream file(temporary);
+    file << json.dump(2) << '\n';
+    file.flush();
+    if (!file)
+      throw std::runtime_error(temporary.string() + " cannot be written");
+  }
+  fs::rename(temporary, path);
+}
+
+/// Runs a plot script on the results: a picture is welcome, but no reason to fail.
+inline void draw(const CommonOptions& options, const std::string& script, const fs::path& out) {
+  if (options.no_plot)
+    return;
+  const auto quoted = [](const std::string& text) {
+    std::string result = "'";
+    for (const char c : text)
+      result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return result + "'";
+  };
+  const std::string arguments =
+      " " + quoted((examples_folder() / script).string()) + " " + quoted(out.string());
+  for (const char* python : {"python3", "/usr/bin/python3"}) {
+    const std::string check =
+        std::string(python) + " -c 'import matplotlib, numpy' >/dev/null 2>&1";
+    if (std::system(check.c_str()) != 0)
+      continue;
+    const std::string command = python + arguments + (options.quiet ? " >/dev/null" : "");
+    if (std::system(command.c_str()) != 0)
+      std::fprintf(stderr, "the picture could not be drawn; to try again: python3%s\n",
+                   arguments.c_str());
+    return;
+  }
+  std::fprintf(stderr,
+               "no picture: python3 with matplotlib and numpy was not found; later: python3%s\n",
+               arguments.c_str());
+}
+
+} // namespace support

@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <vector>
+
+/// \file
+/// What is measured of a deposit on the floor of the box: free surface, static–flowing line, front,
+/// volume. The functions take anything with grid(), volume_fraction(node) and velocity(node), such
+/// as a Simulation.
+
+namespace talus {
+
+/// Surface and static zone along x at one place across the channel. Heights above the floor, m.
+struct Profile {
+  std::vector<double> x;      ///< nodes along x, m
+  std::vector<double> height; ///< contour of the volume fraction at one half of the dense one
+  std::vector<double>
+      static_height; ///< top of the zone at the floor that is slower than the threshold
+};
+
+/// Height above the floor at which `value` falls below `level`, going up one column of nodes from
+/// `node` (its entry `axis` is overwritten), linear between nodes; 0 if it starts below.
+template <int Dim, class Value>
+double height_of_contour(const Grid<Dim>& grid, Index<Dim> node, int axis, double level,
+                         const Value& value) {
+  double below = std::numeric_limits<double>::quiet_NaN();
+  for (int k = 0; k <= grid.cells(axis); ++k) {
+    node[axis] = k;
+    const double here = value(node);
+    if (!(here >= level)) {
+      if (k == 0)
+        return 0;
+      return grid.spacing()[axis] * (k - 1 + (below - level) / (below - here));
+    }
+    below = here;
+  }
+  return grid.size()[axis];
+}
+
+/// The profile along x at node row `row` across the channel (0: next to the side wall; 2-D:
+/// ignored). static_speed: m/s, what counts as flowing (0.01 m/s in Rousseau et al. 2023).
+template <class Flow>
+Profile measure_profile(const Flow& flow, int row = 0, double static_speed = 0.01) {
+  constexpr int dim = Flow::dimension, up = up_axis<dim>;
+  const auto& grid = flow.grid();
+  Profile profile;
+  for (int i = 0; i <= grid.cells(0); ++i) {
+    Index<dim> node;
+    node[0] = i;
+    if constexpr (dim == 3)
+      node[1] = row;
+    const double surface = height_of_contour(
+        grid, node, up, 0.5, [&](const Index<dim>& n) { return flow.volume_fraction(n); });
+    const double still = height_of_contour(grid, node, up, -static_speed, [&](const Index<dim>& n) {
+      return -flow.velocity(n).norm();
+    });
+    profile.x.push_back(grid.node_position(node)[0]);
+    profile.height.push_back(surface);
+    profile.static_height.push_back(std::min(surface, still));
+  }
+  return profile;
+}
+
+/// Where the deposit that starts upstream ends: the first x at which the surface falls to `level`
+/// (m above the floor), linear between nodes; the last node if it never does.
+inline double front_position(const Profile& profile, double level) {
+  for (std::size_t i = 0; i < profile.x.size(); ++i)
+    if (!(profile.height[i] > level)) {
+      if (i == 0)
+        return profile.x[0];
+      const double above = profile.height[i - 1] - level, below = profile.height[i] - level;
+      return profile.x[i - 1] + (profile.x[i] - profile.x[i - 1]) * above / (above - below);
+    }
+  return profile.x.back();
+}
+
+/// Area under the surface, m².
+inline double area_under(const Profile& profile) {
+  double area = 0;
+  for (std::size_t i = 1; i < profile.x.size(); ++i)
+    area += (profile.x[i] - profile.x[i - 1]) * (profile.height[i] + profile.height[i - 1]) / 2;
+  return area;
+}
+
+/// Volume under the surface over the whole width: m³ in 3-D, m² in 2-D.
+template <class Flow>
+double volume_under_surface(const Flow& flow) {
+  if constexpr (Flow::dimension == 2) {
+    return area_under(measure_profile(flow));
+  } else {
+    const int rows = flow.grid().cells(1);
+    double volume = 0;
+    for (int row = 0; row <= rows; ++row)
+      volume += area_under(measure_profile(flow, row)) * (row == 0 || row == rows ? 0.5 : 1.0);
+    return volume * flow.grid().spacing()[1];
+  }
+}
+
+/// Largest speed of a particle, m/s.
+template <class Flow>
+double largest_speed(const Flow& flow) {
+  double largest = 0;
+  for (const auto& v : flow.particles().velocity)
+    largest = std::max(largest, v.squaredNorm());
+  return std::sqrt(largest);
+}
+
+/// Remembers the last time at which something moved.
+class RestDetector {
+ public:
+  /// threshold: m/s; hold: s without a speed above it that count as rest.
+  RestDetector(double threshold, double hold) : threshold_(threshold), hold_(hold) {}
+
+  void update(double time, double speed) {
+    time_ = time;
+    if (!(speed <= threshold_))
+      last_motion_ = time;
+  }
+  /// Last time with a speed above the threshold, s.
+  double last_motion() const { return last_motion_; }
+  bool at_rest() const { return time_ - last_motion_ >= hold_; }
+
+ private:
+  double threshold_, hold_, time_ = 0, last_motion_ = 0;
+};
+
+} // namespace talus

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+/// \file
+/// Everything, for users. The library's own headers never include it.
+
+#include "talus/boundary/faces.hpp"
+#include "talus/boundary/gate.hpp"
+#include "talus/boundary/obstacle.hpp"
+#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/law.hpp"
+#include "talus/cone/local_solver.hpp"
+#include "talus/cone/secular.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/parallel.hpp"
+#include "talus/core/symmetric.hpp"
+#include "talus/core/types.hpp"
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/profile.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/dual/residual.hpp"
+#include "talus/io/csv.hpp"
+#include "talus/io/progress.hpp"
+#include "talus/io/vtk.hpp"
+#include "talus/particles.hpp"
+#include "talus/rheology/laws.hpp"
+#include "talus/rheology/rheology.hpp"
+#include "talus/scene/collapse.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/solver/solver.hpp"
+#include "talus/transfer/schemes.hpp"
+#include "talus/transfer/transfer_scheme.hpp"
+#include "talus/version.hpp"
