@@ -62,11 +62,11 @@ cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS="$flag
 }
 cmake --build "$build" --target "$name" --parallel "$(getconf _NPROCESSORS_ONLN)" >&2
 
-out=
-previous=
+out='' plot=yes previous=''
 for argument; do
   case $argument in
     --out=*) out=${argument#--out=} ;;
+    --no-plot) plot=no ;;
     *) [ "$previous" = --out ] && out=$argument ;;
   esac
   previous=$argument
@@ -80,13 +80,16 @@ fi
 status=0
 "$build/examples/$name" "$@" || status=$?
 
-# Draw only what this run left: not after --help or an early failure.
-if [ -n "$(find "$out/summary.json" -newer "$started" 2> /dev/null)" ]; then
-  if [ -f "$here/plot_$name.py" ] && python=$(sh "$here/setup.sh" python); then
-    "$python" "$here/plot_$name.py" "$out" >&2 || echo "the picture could not be drawn" >&2
+# Only what this run left counts: not after --help or an early failure. Some programs draw by
+# themselves.
+fresh() { [ -n "$(find "$1" -newer "$started" 2> /dev/null)" ]; }
+if fresh "$out/summary.json"; then
+  if [ $plot = yes ] && [ -f "$here/plot_$name.py" ] && ! fresh "$out/$name.png" &&
+    python=$(sh "$here/setup.sh" python); then
+    "$python" "$here/plot_$name.py" "$out" > /dev/null || echo "the picture could not be drawn" >&2
   fi
   for file in "$out/$name.png" "$out/summary.json"; do
-    [ -n "$(find "$file" -newer "$started" 2> /dev/null)" ] && echo "$file"
+    ! fresh "$file" || echo "$file"
   done
 fi
 exit $status
