@@ -115,8 +115,6 @@ class Simulation {
     problem_.grid = grid_;
     problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
     problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
-    problem_.stress_scale = params_.material.density * params_.gravity.norm() *
-                            grid_.spacing().minCoeff() * params_.time_step;
   }
 
   /// Advances by δt.
@@ -158,8 +156,6 @@ class Simulation {
     for (int a = 0; a < Dim; ++a)
       require_finite("gravity", gravity[a]);
     params_.gravity = gravity;
-    problem_.stress_scale =
-        params_.material.density * gravity.norm() * grid_.spacing().minCoeff() * params_.time_step;
   }
 
   // Nodal fields of the last step; index with grid().node(...).
@@ -172,12 +168,14 @@ class Simulation {
   Vec<Dim> velocity(const Index<Dim>& node) const {
     return problem_.velocity[static_cast<std::size_t>(grid_.node(node))].template head<Dim>();
   }
-  /// p_i = φ Tr λ̂ / d, Pa.
-  double pressure(const Index<Dim>& node) const {
-    return std::min(1.0, volume_fraction(node)) *
-           mean_from_normal<Dim>(node_stress_[static_cast<std::size_t>(grid_.node(node))][0]) /
-           params_.time_step;
+  /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
+  Mat<Dim> stress(const Index<Dim>& node) const {
+    const Vec<cone_size>& impulse = node_stress_[static_cast<std::size_t>(grid_.node(node))];
+    return std::min(1.0, volume_fraction(node)) / params_.time_step *
+           vector_to_symmetric<Dim, double>(impulse);
   }
+  /// p_i = −Tr σ_i / d, Pa.
+  double pressure(const Index<Dim>& node) const { return stress(node).trace() / Dim; }
   /// I_i that the step's friction was taken at; 0 for a law that does not depend on it.
   double inertial_number(const Index<Dim>& node) const {
     return inertial_number_[static_cast<std::size_t>(grid_.node(node))];
@@ -320,11 +318,17 @@ class Simulation {
   void add_gravity() {
     Wide change = Wide::Zero();
     change.template head<Dim>() = params_.time_step * params_.gravity;
+    double largest2 = 0;
     for (const int node : node_order_.nodes()) {
       const std::size_t j = static_cast<std::size_t>(node);
-      if (material_volume_[j] > 0)
+      if (material_volume_[j] > 0) {
+        largest2 = std::max(largest2, problem_.velocity[j].squaredNorm());
         problem_.velocity[j] += change;
+      }
     }
+    // What stops gravity's share of the velocity, or a thousandth of the largest velocity.
+    problem_.stress_scale = params_.material.density * grid_.spacing().minCoeff() *
+                            std::max(change.norm(), 1e-3 * std::sqrt(largest2));
   }
 
   /// Calls visit(node number, axis, face) for every node of the box's faces.

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/cone/secular.hpp"
+#include "talus/rheology/laws.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/transfer/schemes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+/// Small scenes that the physics tests share.
+namespace scenes {
+
+using namespace talus;
+
+template <int Dim, class Transfer = Apic>
+using Sim = Simulation<Dim, ConstantFriction, Transfer, GaussSeidel<SecularSolver>>;
+
+/// A box with slip walls, a sticking floor and an open top, gravity turned by `angle_deg`.
+/// size and cells: along x, across (3-D) and up.
+template <int Dim>
+typename Sim<Dim>::Params box(const Vec<3>& size, const Index<3>& cells, double angle_deg,
+                              double mu) {
+  typename Sim<Dim>::Params params;
+  for (int a = 0; a < Dim; ++a) {
+    const int from = a == up_axis<Dim> ? 2 : a;
+    params.grid.size[a] = size[from];
+    params.grid.cells[a] = cells[from];
+  }
+  params.material.density = 1500;
+  const double angle = angle_deg * std::numbers::pi / 180;
+  params.gravity[0] = 9.81 * std::sin(angle);
+  params.gravity[up_axis<Dim>] = -9.81 * std::cos(angle);
+  params.time_step = 1e-3;
+  params.rheology.mu = mu;
+  params.solver.max_sweeps = 5000;
+  for (auto& face : params.faces.lower)
+    face.kind = FaceKind::slip;
+  for (auto& face : params.faces.upper)
+    face.kind = FaceKind::slip;
+  params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
+  params.faces.upper[up_axis<Dim>].kind = FaceKind::free;
+  return params;
+}
+
+/// Particles on a regular lattice between two heights and two x, over the whole width.
+template <int Dim>
+Particles<Dim> block(const GridParams<Dim>& grid, double x0, double x1, double z0, double z1,
+                     double jitter = 0) {
+  Particles<Dim> particles;
+  Vec<Dim> lower = grid.origin, upper = grid.origin + grid.size;
+  lower[0] = x0;
+  upper[0] = x1;
+  lower[up_axis<Dim>] = z0;
+  upper[up_axis<Dim>] = z1;
+  fill_box(particles, Grid<Dim>(grid), lower, upper, {.per_axis = 2, .jitter = jitter});
+  return particles;
+}
+
+template <class S>
+auto mean_velocity(const S& sim) {
+  Vec<S::dimension> momentum = Vec<S::dimension>::Zero();
+  double volume = 0;
+  for (std::size_t p = 0; p < sim.particles().size(); ++p) {
+    momentum += sim.particles().volume[p] * sim.particles().velocity[p];
+    volume += sim.particles().volume[p];
+  }
+  return Vec<S::dimension>(momentum / volume);
+}
+
+template <class S>
+auto centre_of_mass(const S& sim) {
+  Vec<S::dimension> sum = Vec<S::dimension>::Zero();
+  double volume = 0;
+  for (std::size_t p = 0; p < sim.particles().size(); ++p) {
+    sum += sim.particles().volume[p] * sim.particles().position[p];
+    volume += sim.particles().volume[p];
+  }
+  return Vec<S::dimension>(sum / volume);
+}
+
+} // namespace scenes

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: MIT
+// Beds that must stay at rest, and what they press on.
+
+#include "scenes.hpp"
+
+#include "talus/diagnostics/profile.hpp"
+
+#include <doctest/doctest.h>
+
+using namespace talus;
+
+namespace {
+
+template <int Dim>
+void hydrostatic(int steps, double mu) {
+  const double height = 0.1;
+  const auto params = scenes::box<Dim>({0.1, 0.06, 0.13}, {5, 3, 13}, 0, mu);
+  scenes::Sim<Dim> sim(params, scenes::block<Dim>(params.grid, 0, 0.1, 0, height));
+  const auto start = scenes::centre_of_mass(sim);
+  double fastest = 0;
+  for (int n = 0; n < steps; ++n) {
+    const StepReport report = sim.step();
+    CHECK(report.solve.status == SolveStatus::converged);
+    fastest = std::max(fastest, largest_speed(sim));
+  }
+  CHECK(fastest < 1e-4); // m/s
+  CHECK((scenes::centre_of_mass(sim) - start).norm() < 1e-4 * height);
+  // The mean of σ_zz over a horizontal section is ρ g (H − z). With friction single values are not
+  // determined, nor is the pressure, which is a mean over all directions.
+  const int up = up_axis<Dim>;
+  for (int k = 1; k < 9; ++k) {
+    double sum = 0, area = 0;
+    for (int n = 0; n < sim.grid().node_count(); ++n) {
+      const Index<Dim> index = sim.grid().node_index(n);
+      bool inside = index[up] == k;
+      for (int a = 0; a < Dim; ++a)
+        inside = inside && index[a] >= 0 && index[a] <= sim.grid().cells(a);
+      if (!inside)
+        continue;
+      sum += sim.grid().node_volume(index) * sim.stress(index)(up, up);
+      area += sim.grid().node_volume(index);
+      if (mu == 0) // a fluid: the same in all directions
+        CHECK(sim.pressure(index) == doctest::Approx(sim.stress(index)(up, up)));
+    }
+    const double weight = 1500 * 9.81 * (height - sim.grid().spacing()[up] * k);
+    CHECK(sum / area == doctest::Approx(weight).epsilon(0.02));
+  }
+}
+
+/// Largest speed of a bed whose box is tilted, after a while.
+template <int Dim>
+double speed_of_tilted_bed(double angle_deg, double seconds) {
+  const auto params = scenes::box<Dim>({0.4, 0.04, 0.12}, {20, 2, 12}, angle_deg, 0.44);
+  scenes::Sim<Dim> sim(params, scenes::block<Dim>(params.grid, 0, 0.4, 0, 0.06));
+  while (sim.time() < seconds)
+    static_cast<void>(sim.step().completed());
+  return largest_speed(sim);
+}
+
+} // namespace
+
+TEST_CASE("a hydrostatic column stays at rest over 10^4 steps, 2-D") {
+  hydrostatic<2>(10000, 0.44);
+  hydrostatic<2>(100, 0);
+}
+TEST_CASE("a hydrostatic column stays at rest, 3-D") {
+  hydrostatic<3>(200, 0.44);
+  hydrostatic<3>(100, 0);
+}
+
+TEST_CASE("a bed rests below the friction angle, 23.75 degrees, and flows above it") {
+  CHECK(speed_of_tilted_bed<2>(15, 0.3) < 1e-3);
+  CHECK(speed_of_tilted_bed<2>(30, 0.3) > 0.05);
+  CHECK(speed_of_tilted_bed<3>(15, 0.1) < 1e-3);
+  CHECK(speed_of_tilted_bed<3>(30, 0.1) > 0.02);
+}
