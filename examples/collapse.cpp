@@ -53,8 +53,8 @@ struct Options {
   double jitter = talus::Seeding{}.jitter, max_time = 6, snapshot_interval = 0.1,
          sample_interval = 0.01;
   std::uint64_t seed = 1;
-  double tolerance = 1e-4;
-  int max_sweeps = 1000;
+  double tolerance = talus::GaussSeidel<talus::SecularSolver>::Params{}.tolerance;
+  int max_sweeps = talus::GaussSeidel<talus::SecularSolver>::Params{}.max_sweeps;
   bool until_rest = false;
   support::CommonOptions common;
 };

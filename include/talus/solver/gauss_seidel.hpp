@@ -32,7 +32,7 @@ class GaussSeidel {
  public:
   struct Params {
     double tolerance = 1e-4; ///< for the l2 residual of dual/residual.hpp
-    int max_sweeps = 1000;
+    int max_sweeps = 2000;
     int check_every = 10; ///< sweeps between two measurements of the residual
     typename Local::Params local{};
   };
