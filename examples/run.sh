@@ -56,7 +56,7 @@ mkdir -p "$build"
 started=$build/started-$name # what is newer is of this run
 : > "$started"
 cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS="$flags ${CXXFLAGS:-}" \
-  -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_BENCH=OFF -DTALUS_BUILD_EXAMPLES=ON > "$build/configure.log" 2>&1 || {
+  -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=ON > "$build/configure.log" 2>&1 || {
   cat "$build/configure.log" >&2
   exit 1
 }

@@ -14,7 +14,7 @@ if command -v ninja > /dev/null; then
 fi
 # Optimised, but without NDEBUG: Eigen checks sizes and indices.
 cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE=-O2 \
-  -DTALUS_BUILD_TESTS=ON -DTALUS_BUILD_EXAMPLES=OFF -DTALUS_BUILD_BENCH=OFF \
+  -DTALUS_BUILD_TESTS=ON -DTALUS_BUILD_EXAMPLES=OFF \
   -DTALUS_WARNINGS_AS_ERRORS=ON
 cmake --build "$build" --parallel "$jobs"
 
