@@ -27,7 +27,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -165,6 +164,23 @@ void write_vtk(const Sim& sim, double time, const fs::path& out, talus::VtkSerie
        talus::vtk_node_field<dim>("inertial_number", nodes,
                                   [&](const Node& n) { return sim.inertial_number(n); })});
   grid_series.add(time, grid);
+}
+
+/// One line of the table: a measured value beside the published ones, where there are any.
+void print_beside(const char* what, double measured, const json& published, const std::string& key,
+                  const std::string& unit) {
+  const auto value = [&](const std::string& source) -> std::string {
+    if (published.is_null())
+      return "-";
+    const std::string half = key + "_" + source + "_pm" + unit; // or one for both
+    char text[32];
+    std::snprintf(text, sizeof text, "%.3f +- %.3f",
+                  published.at(key + "_" + source + unit).get<double>(),
+                  published.at(published.contains(half) ? half : key + "_pm" + unit).get<double>());
+    return text;
+  };
+  std::printf("%-18s %8.3f %21s %17s\n", what, measured, value("sim").c_str(),
+              value("exp").c_str());
 }
 
 template <int Dim, class Solver>
@@ -337,31 +353,14 @@ int run(const Options& options, const Case& collapse) {
   support::write_json(summary_file, summary);
 
   if (!options.common.quiet) {
-    const auto published = [&](const char* key) {
-      return collapse.published.is_null() ? std::numeric_limits<double>::quiet_NaN()
-                                          : collapse.published.at(key).template get<double>();
-    };
     std::printf("%s, %s preset, %s, %d-D, %zu particles: %s\n", options.case_name.c_str(),
                 options.preset.c_str(), options.resolution.c_str(), Dim, sim.particles().size(),
                 status.c_str());
-    std::printf("%-22s %10s %20s %20s\n", "", "talus", "authors' simulation", "experiment");
-    const auto line = [&](const char* what, double value, const std::string& key,
-                          const char* half_exp, const char* half_sim) {
-      std::printf(
-          "%-22s %10.3f %12.3f ± %.3f %12.3f ± %.3f\n", what, value,
-          published(
-              (key + "_sim" + (key == "height_final" || key == "runout" ? "_m" : "_s")).c_str()),
-          published(half_sim),
-          published(
-              (key + "_exp" + (key == "height_final" || key == "runout" ? "_m" : "_s")).c_str()),
-          published(half_exp));
-    };
-    line("run-out (m)", runout, "runout", "runout_exp_pm_m", "runout_sim_pm_m");
-    line("final height (m)", now.height_wall, "height_final", "height_final_pm_m",
-         "height_final_pm_m");
-    line("rest time (s)", rest.last_motion(), "rest_time", "rest_time_exp_pm_s",
-         "rest_time_sim_pm_s");
-    std::printf("%-22s %9.2f%%\n", "volume loss", 100 * volume_loss);
+    std::printf("%-18s %8s %21s %17s\n", "", "talus", "authors' simulation", "experiment");
+    print_beside("run-out (m)", runout, collapse.published, "runout", "_m");
+    print_beside("final height (m)", now.height_wall, collapse.published, "height_final", "_m");
+    print_beside("rest time (s)", rest.last_motion(), collapse.published, "rest_time", "_s");
+    std::printf("%-18s %7.2f%%\n", "volume loss", 100 * volume_loss);
     statistics.print(sim.steps(), stopwatch.seconds());
   }
   support::draw(options.common, "plot_collapse.py", out);
