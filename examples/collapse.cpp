@@ -344,6 +344,11 @@ int run(const Options& options, const Case& collapse) {
                          {"volume_loss", volume_loss},
                          {"material_volume", material_volume},
                          {"end_time_s", sim.time() - opening}};
+  // The front may be thinner than a cell: how far the run-out hangs on the threshold.
+  const talus::Profile deposit = talus::measure_profile(sim, 0, threshold_speed);
+  for (int mm = 1; mm <= 5; ++mm)
+    summary["measured"]["runout_by_threshold_m"][std::to_string(mm) + " mm"] =
+        talus::front_position(deposit, setup.bed_depth + 1e-3 * mm) - setup.column_length;
   summary["published"] = collapse.published;
   summary["solver"] = statistics.solver_json();
   summary["seconds"] = statistics.phase_json();

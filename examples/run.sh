@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# Builds an example, runs it and draws its picture:
+# Builds an example and runs it; the program draws its picture:
 #
 #     sh examples/run.sh              lists the examples
 #     sh examples/run.sh NAME [ARGUMENTS OF THE PROGRAM...]
@@ -62,11 +62,10 @@ cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS="$flag
 }
 cmake --build "$build" --target "$name" --parallel "$(getconf _NPROCESSORS_ONLN)" >&2
 
-out='' plot=yes previous=''
+out='' previous=''
 for argument; do
   case $argument in
     --out=*) out=${argument#--out=} ;;
-    --no-plot) plot=no ;;
     *) [ "$previous" = --out ] && out=$argument ;;
   esac
   previous=$argument
@@ -80,16 +79,8 @@ fi
 status=0
 "$build/examples/$name" "$@" || status=$?
 
-# Only what this run left counts: not after --help or an early failure. Some programs draw by
-# themselves.
-fresh() { [ -n "$(find "$1" -newer "$started" 2> /dev/null)" ]; }
-if fresh "$out/summary.json"; then
-  if [ $plot = yes ] && [ -f "$here/plot_$name.py" ] && ! fresh "$out/$name.png" &&
-    python=$(sh "$here/setup.sh" python); then
-    "$python" "$here/plot_$name.py" "$out" > /dev/null || echo "the picture could not be drawn" >&2
-  fi
-  for file in "$out/$name.png" "$out/summary.json"; do
-    ! fresh "$file" || echo "$file"
-  done
+# Only what this run left counts: not after --help or an early failure.
+if [ -n "$(find "$out/summary.json" -newer "$started" 2> /dev/null)" ]; then
+  echo "$out/summary.json"
 fi
 exit $status

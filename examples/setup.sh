@@ -3,7 +3,6 @@
 # Makes sure that what the tests or the examples need is there:
 #
 #     sh examples/setup.sh tests | examples
-#     sh examples/setup.sh python       prints the Python that has numpy and matplotlib
 #
 # Looks for each thing itself (a command, a header), so nothing is installed or updated when all is
 # there. What is missing comes from apt-get, as root or through sudo. Where that cannot be, says what
@@ -93,9 +92,8 @@ say_what_is_missing() {
 }
 
 case $1 in
-  python) find_python; exit ;;
   tests | examples) ;;
-  *) echo "usage: sh $0 tests | examples | python" >&2; exit 2 ;;
+  *) echo "usage: sh $0 tests | examples" >&2; exit 2 ;;
 esac
 
 check_needed "$1"
