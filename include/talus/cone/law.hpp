@@ -78,10 +78,10 @@ Vec<N, Scalar> law_residual(CoulombLaw, const Vec<N, Scalar>& gamma, const Vec<N
 template <int N, class Scalar>
 Vec<N, Scalar> project_on_cone(const Vec<N, Scalar>& x, Scalar friction) {
   const Scalar tangent = x.template tail<N - 1>().stableNorm();
-  if (tangent <= friction * x[0])
-    return x;
   if (friction * tangent <= -x[0])
     return Vec<N, Scalar>::Zero();
+  if (tangent <= friction * x[0])
+    return x;
   const Scalar normal = (x[0] + friction * tangent) / (1 + friction * friction);
   Vec<N, Scalar> nearest;
   nearest[0] = normal;
