@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/cone/law.hpp"
+#include "talus/cone/local_solver.hpp"
 #include "talus/scene/fill.hpp"
 
 #include <Eigen/QR>
@@ -203,6 +204,39 @@ Problem<N> draw(Numbers& numbers, Kind kind, double max_condition = 1e12,
   p.w *= std::pow(10, w_decades);
   p.b *= std::pow(10, b_decades);
   return p;
+}
+
+/// What became of many problems.
+struct Tally {
+  long problems = 0;
+  long missed = 0; ///< error above the bound, or reported as a miss
+  long silent = 0; ///< of those, not reported
+  double worst = 0;
+
+  void add(double found, bool reported, double bound) {
+    ++problems;
+    const bool wrong = !(found <= bound);
+    missed += wrong || reported;
+    silent += wrong && !reported;
+    worst = found > worst ? found : worst;
+  }
+};
+
+/// Solves `count` problems of one kind, every second one from a random start.
+template <class Solver, class Law, int N>
+Tally tally(const Solver& solver, Kind kind, long count, double bound, std::uint64_t seed,
+            double max_condition = 1e12) {
+  Numbers numbers(seed);
+  Tally result;
+  for (long k = 0; k < count; ++k) {
+    const Problem<N> p = draw<N>(numbers, kind, max_condition);
+    Vec<N> lambda = Vec<N>::Zero();
+    if (k % 2 == 1)
+      lambda = 1e3 * numbers.vector<N>();
+    const talus::LocalReport report = talus::solve_local(solver, Law{}, p.w, p.b, p.mu, lambda);
+    result.add(error<Law, N>(p, lambda), report.status == talus::LocalStatus::not_converged, bound);
+  }
+  return result;
 }
 
 } // namespace cone_problems

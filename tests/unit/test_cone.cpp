@@ -5,59 +5,23 @@
 #include "talus/cone/law.hpp"
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/secular.hpp"
-#include "talus/scene/fill.hpp"
 
-#include <Eigen/QR>
+#include "../support/cone_problems.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <numbers>
 #include <vector>
 
 using namespace talus;
+using cone_problems::Numbers;
 
 namespace {
 
-struct Numbers {
-  Random random{11};
-  double uniform(double low, double high) { return low + (high - low) * random.uniform(); }
-  double normal() {
-    return std::sqrt(-2 * std::log(1 - random.uniform())) *
-           std::cos(2 * std::numbers::pi * random.uniform());
-  }
-  template <int N>
-  Vec<N> vector() {
-    Vec<N> v;
-    for (int i = 0; i < N; ++i)
-      v[i] = normal();
-    return v;
-  }
-  /// Symmetric, with eigenvalues from 1 down to 1/condition.
-  template <int N>
-  Mat<N> matrix(double condition) {
-    Mat<N> a;
-    for (int i = 0; i < N * N; ++i)
-      a.data()[i] = normal();
-    const Mat<N> q = Eigen::HouseholderQR<Mat<N>>(a).householderQ();
-    Vec<N> d;
-    for (int i = 0; i < N; ++i)
-      d[i] = std::pow(condition, -random.uniform());
-    d[0] = 1;
-    d[N - 1] = 1 / condition;
-    const Mat<N> w = q * d.asDiagonal() * q.transpose();
-    return 0.5 * (w + w.transpose());
-  }
-};
-
-/// The larger of the two measures of how far λ is from solving the problem, relative to its scale.
+/// See cone_problems::error.
 template <class Law, int N>
 double error(const Mat<N>& w, const Vec<N>& b, double mu, const Vec<N>& lambda) {
-  const double scale = w.trace() / N;
-  const Vec<N> gamma = w * lambda + b;
-  const double size = lambda.norm() + b.norm() / scale;
-  const double natural = natural_residual<N, double>(Law{}, gamma, lambda, mu, 1 / scale).norm();
-  const double fb = law_residual<N, double>(Law{}, gamma / scale, lambda, mu).norm();
-  return size > 0 ? std::max(natural, fb) / size : lambda.norm();
+  return cone_problems::error<Law, N>({w, b, mu}, lambda);
 }
 
 template <class Solver, class Law, int N>

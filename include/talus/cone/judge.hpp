@@ -22,16 +22,22 @@ struct ScaledCone {
   }
 };
 
-/// Says of a solution of a ScaledCone what it is, from its natural residual relative to |λ| + |b|:
-/// a miss if that exceeds the tolerance. λ and b in units in which |b| is of the order of 1.
+/// Says of a solution of a ScaledCone what it is, from the larger of its natural residual and
+/// f_MFB relative to |λ| + |b|: a miss if that exceeds the tolerance. λ and b in units in which |b|
+/// is of the order of 1.
 template <class Law, int N, class Scalar>
 LocalReport judge(const ScaledCone<Law, N, Scalar>& cone, const Vec<N, Scalar>& b,
                   const Vec<N, Scalar>& lambda, double tolerance, int iterations) {
   const Scalar mu = cone.friction;
   const Vec<N, Scalar> gamma = cone.w * lambda + b;
   const Scalar size = lambda.norm() + b.norm();
-  const double residual = static_cast<double>(
-      natural_residual<N, Scalar>(Law{}, gamma, lambda, mu, Scalar(1)).norm() / size);
+  if (size == 0)
+    return {};
+  const Scalar natural = natural_residual<N, Scalar>(Law{}, gamma, lambda, mu, Scalar(1)).norm();
+  const Scalar fischer_burmeister = law_residual<N, Scalar>(Law{}, gamma, lambda, mu).norm();
+  // a NaN in either stays
+  const double residual =
+      static_cast<double>((fischer_burmeister <= natural ? natural : fischer_burmeister) / size);
   LocalStatus status = LocalStatus::slide;
   if (!(residual <= tolerance))
     status = LocalStatus::not_converged;

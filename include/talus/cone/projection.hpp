@@ -7,6 +7,7 @@
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
+#include <limits>
 #include <type_traits>
 
 namespace talus {
@@ -18,7 +19,7 @@ namespace talus {
 class ProjectionSolver {
  public:
   struct Params {
-    double tolerance = 1e-10; ///< for the natural residual relative to |λ| + |b|/w
+    double tolerance = 1e-10; ///< for the residual of judge()
     int max_iterations = 1000;
   };
 
@@ -50,8 +51,8 @@ class ProjectionSolver {
     // Gershgorin's bound of the largest eigenvalue
     const Scalar rho = 1 / cone.w.cwiseAbs().colwise().sum().maxCoeff();
     Vec<N, Scalar> x = lambda / size * cone.scale;
-    if (!x.allFinite())
-      x.setZero();
+    if (!(x.cwiseAbs().maxCoeff() < 1 / std::numeric_limits<Scalar>::epsilon()))
+      x.setZero(); // not a start in these units
     x = project_on_cone<N, Scalar>(x, mu);
     for (int k = 1;; ++k) {
       Vec<N, Scalar> gamma = cone.w * x + b_scaled;

@@ -28,7 +28,7 @@ namespace talus {
 class QuarticSolver {
  public:
   struct Params {
-    double tolerance = 1e-10; ///< for the natural residual relative to |λ| + |b|/w
+    double tolerance = 1e-10; ///< for the residual of judge()
   };
 
   template <class Law, int N, class Scalar = double>

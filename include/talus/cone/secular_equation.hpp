@@ -358,7 +358,7 @@ class SecularEquation {
   /// Newton's method on all equations at once, in increments: what the elimination lost to
   /// cancellation comes back. Returns the residual.
   Real refine_edge(Real& alpha, Real& normal, Tangent& tangent, const Mask& skip) {
-    using std::abs, std::max, std::sqrt;
+    using std::abs, std::max, std::min, std::sqrt;
     Real best(std::numeric_limits<Scalar>::infinity()), best_normal = normal;
     Tangent best_tangent = tangent;
     for (int k = 0;; ++k) {
@@ -372,14 +372,16 @@ class SecularEquation {
         worst = max(worst, abs(row[i]));
       }
       const Real edge = length - mu * normal;
-      // γ̃_N = μ |γ̃_T| = μ α |λ_T| rests on the edge's equation, too
+      // γ̃_N = μ |γ̃_T| = μ α |λ_T| rests on the edge's equation, too; inside the cone there is to be
+      // no motion; and α < 0 is friction that drives.
+      const Real motion = abs(alpha) * length;
+      Real wrong = abs(edge) * (associated ? Real(1) + mu * abs(alpha) : Real(1));
+      wrong = L::select(edge < Real(0), min(wrong, motion), wrong);
+      wrong = L::select(alpha < Real(0), max(wrong, motion), wrong);
       const Real terms = Real(1) + abs(normal) + length;
-      const Real residual =
-          L::select(terms < Real(std::numeric_limits<Scalar>::max()),
-                    max(max(worst, abs(balance)),
-                        abs(edge) * (associated ? Real(1) + mu * abs(alpha) : Real(1))) /
-                        terms,
-                    Real(std::numeric_limits<Scalar>::infinity()));
+      const Real residual = L::select(terms < Real(std::numeric_limits<Scalar>::max()),
+                                      max(max(worst, abs(balance)), wrong) / terms,
+                                      Real(std::numeric_limits<Scalar>::infinity()));
       const Mask better = residual < best;
       best = L::select(better, residual, best);
       best_normal = L::select(better, normal, best_normal);
