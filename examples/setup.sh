@@ -1,8 +1,8 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# Makes sure that what the tests or the examples need is there:
+# Makes sure that what the tests, the examples or the benchmarks need is there:
 #
-#     sh examples/setup.sh tests | examples
+#     sh examples/setup.sh tests | examples | bench
 #
 # Looks for each thing itself (a command, a header), so nothing is installed or updated when all is
 # there. What is missing comes from apt-get, as root or through sudo. Where that cannot be, says what
@@ -59,6 +59,8 @@ check_needed() {
   need libeigen3-dev 'Eigen 3.4' has_header Eigen/Core
   if [ "$1" = tests ]; then
     need doctest-dev doctest has_header doctest/doctest.h
+  elif [ "$1" = bench ]; then
+    need libbenchmark-dev 'Google Benchmark' has_header benchmark/benchmark.h
   else
     need libcli11-dev CLI11 has_header CLI/CLI.hpp
     need nlohmann-json3-dev 'nlohmann/json 3' has_header nlohmann/json.hpp
@@ -92,8 +94,8 @@ say_what_is_missing() {
 }
 
 case $1 in
-  tests | examples) ;;
-  *) echo "usage: sh $0 tests | examples" >&2; exit 2 ;;
+  tests | examples | bench) ;;
+  *) echo "usage: sh $0 tests | examples | bench" >&2; exit 2 ;;
 esac
 
 check_needed "$1"
