@@ -36,7 +36,7 @@ def table(results):
     lines = ["Speed relative to `newton` in the same run; in brackets iterations, and misses if any.", "",
              "| law, size, problems | newton, ns | " + " | ".join(policies) + " |",
              "|---|---|" + "---|" * len(policies)]
-    for (law, size, problems), row in results.items():
+    for (law, size, problems), row in sorted(results.items()):
         base = row.get("newton")
         if not base:
             continue
@@ -64,7 +64,7 @@ def draw(results, path):
                 if any(p in row for row in results.values())]
     figure, axes = plt.subplots(1, 3, figsize=(13, 5), sharey=True, layout="constrained")
     for axis, size in zip(axes, sizes):
-        rows = [(key, row) for key, row in results.items()
+        rows = [(key, row) for key, row in sorted(results.items())
                 if key[0] == "associated" and key[1] == size and "newton" in row]
         for place, policy in enumerate(policies):
             x = [k + 0.8 * (place - len(policies) / 2 + 0.5) / len(policies) for k in range(len(rows))]

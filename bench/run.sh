@@ -27,5 +27,7 @@ mkdir -p "$out" || { echo "$out cannot be made; --out DIR" >&2; exit 2; }
 "$build/bench/bench_local_solver" --benchmark_repetitions=5 --benchmark_min_time=0.02 \
   --benchmark_enable_random_interleaving=true --benchmark_out_format=json \
   --benchmark_out="$out/local_solver.json" "$@" > "$out/local_solver.log"
-python3 "$root/bench/local_solver.py" "$out"
+python=python3 # the first in PATH may lack what the system's has
+python3 -c 'import matplotlib' 2> /dev/null || python=/usr/bin/python3
+"$python" "$root/bench/local_solver.py" "$out"
 echo "$out/local_solver.json, .md, .png"

@@ -29,7 +29,9 @@ struct LocalReport {
 ///   - `s.solve(prepared, b, lambda)` → LocalReport, noexcept: λ is a start on entry, the solution
 ///   on
 ///     return.
-/// Models: SecularSolver (default: exact, any size), FischerBurmeisterNewton (the paper's).
+/// Models: SecularSolver (default: exact, any size), FischerBurmeisterNewton (the paper's),
+/// QuarticSolver and HybridSolver (size 3), ContactSolver (isotropic W), ProjectionSolver. Which
+/// when, and how to write one: docs/local_solvers.md.
 template <class S, class Law, int N>
 concept LocalSolver = std::constructible_from<S, const typename S::Params&> &&
     std::default_initializable<typename S::template Prepared<Law, N>> &&
