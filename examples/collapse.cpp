@@ -14,6 +14,7 @@
 #include "talus/cone/secular.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/problem_file.hpp"
 #include "talus/io/progress.hpp"
 #include "talus/io/vtk.hpp"
 #include "talus/scene/collapse.hpp"
@@ -48,12 +49,14 @@ struct Options {
   support::PolicyOptions policies;
   std::optional<double> friction, wall_friction, gate_friction, width, end_time, time_step;
   std::optional<int> per_axis;
+  std::vector<std::size_t> record_problems;
   std::vector<double> cell;
   double jitter = talus::Seeding{}.jitter, max_time = 6, snapshot_interval = 0.1,
          sample_interval = 0.01;
   std::uint64_t seed = 1;
-  double tolerance = talus::GaussSeidel<talus::SecularSolver>::Params{}.tolerance;
-  int max_sweeps = talus::GaussSeidel<talus::SecularSolver>::Params{}.max_sweeps;
+  double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
+  int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
+  double momentum = talus::GaussSeidel<>::Params{}.momentum;
   bool until_rest = false;
   support::CommonOptions common;
 };
@@ -209,6 +212,7 @@ int run(const Options& options, const Case& collapse) {
   params.transfer = support::transfer_params(options.policies);
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
+  params.solver.momentum = options.momentum;
   params.threads = options.common.threads;
 
   talus::Seeding seeding;
@@ -259,7 +263,11 @@ int run(const Options& options, const Case& collapse) {
   std::string status = "completed";
   while (true) {
     const double before = sim.time() - opening;
-    const talus::StepReport report = sim.step();
+    const talus::StepReport report = sim.step([&](const auto& problem) {
+      const std::size_t number = sim.steps() + 1;
+      if (std::ranges::find(options.record_problems, number) != options.record_problems.end())
+        talus::write_problem(out / ("problem_" + std::to_string(number) + ".talus"), problem);
+    });
     statistics.add(report);
     if (!report.completed()) {
       status = "failed: the solver met numbers that are not finite";
@@ -395,9 +403,10 @@ int run_collapse(Options options) {
   const Case collapse = load_case(options);
   using talus::CoulombLaw, talus::GaussSeidel, talus::SecularSolver, talus::FischerBurmeisterNewton;
   if (options.solver == "gauss-seidel")
+    return run_in_dimension<GaussSeidel<>>(options, collapse);
+  if (options.solver == "gauss-seidel-secular")
     return run_in_dimension<GaussSeidel<SecularSolver>>(options, collapse);
-  if (options.solver == "gauss-seidel-coulomb")
-    return run_in_dimension<GaussSeidel<SecularSolver, CoulombLaw>>(options, collapse);
+  options.momentum = 0;
   return run_in_dimension<GaussSeidel<FischerBurmeisterNewton, CoulombLaw>>(options, collapse);
 }
 
@@ -420,9 +429,11 @@ int main(int argc, char** argv) {
   support::add_policy_options(app, options.policies);
   app.add_option(
          "--solver", options.solver,
-         "gauss-seidel: lagged de Saxce term, secular local solver; gauss-seidel-coulomb: the "
-         "non-associated law; gauss-seidel-newton: the same with the paper's local solver")
-      ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-coulomb", "gauss-seidel-newton"}))
+         "gauss-seidel: accelerated, one projected step a cone and sweep; gauss-seidel-secular: "
+         "the "
+         "same with exact local solutions; gauss-seidel-newton: the paper's, on the non-associated "
+         "law, which may not converge")
+      ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-secular", "gauss-seidel-newton"}))
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance,
                  "Solver: relative residual at which a step is solved")
@@ -456,6 +467,11 @@ int main(int argc, char** argv) {
   app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
       ->check(CLI::IsMember({"all", "last", "none"}))
       ->capture_default_str();
+  app.add_option(
+         "--record-problem", options.record_problems,
+         "Save the dual problem of step N (1 is the first) as problem_N.talus; may be given "
+         "more than once")
+      ->check(CLI::PositiveNumber);
   support::add_common_options(app, options.common, "out/collapse");
   return support::run_program(app, argc, argv, [&] { return run_collapse(options); });
 }

@@ -119,6 +119,13 @@ class Simulation {
 
   /// Advances by δt.
   StepReport step() {
+    return step([](const DualProblem<Dim>&) {});
+  }
+
+  /// The same, and calls before_solve(problem) with the dual problem as the solver gets it, warm
+  /// start included: to record it, say.
+  template <class BeforeSolve>
+  StepReport step(const BeforeSolve& before_solve) {
     StepReport report;
     const auto t0 = Clock::now();
     particles_to_grid();
@@ -128,6 +135,7 @@ class Simulation {
     apply_faces();
     collect_contacts();
     apply_impulses(problem_, stencil_);
+    before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
     report.solve = solver_.solve(problem_, workspace_, params_.threads);
     const auto t3 = Clock::now();
@@ -246,33 +254,18 @@ class Simulation {
   void collect_cones() {
     const double least_volume = params_.min_relative_mass * grid_.cell_volume();
     problem_.node.clear();
-    problem_.blocks.clear();
-    problem_.colour_begin.clear();
-    const std::vector<int>& nodes = node_order_.nodes();
-    const std::vector<std::size_t>& colours = node_order_.colour_begin();
-    for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
-      problem_.colour_begin.push_back(problem_.blocks.size());
-      for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b) {
-        Block block;
-        block.cone_begin = problem_.node.size();
-        for (std::size_t k = node_order_.begin(b); k < node_order_.begin(b + 1); ++k) {
-          const std::size_t j = static_cast<std::size_t>(nodes[k]);
-          const bool active = material_volume_[j] >= least_volume;
-          problem_.inverse_mass[j] = Wide::Zero();
-          if (active) {
-            problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
-            problem_.node.push_back(nodes[k]);
-          } else {
-            node_stress_[j].setZero();
-            inertial_number_[j] = 0;
-          }
-        }
-        block.cone_end = problem_.node.size();
-        if (block.cone_end > block.cone_begin)
-          problem_.blocks.push_back(block);
+    for (const int node : node_order_.nodes()) {
+      const std::size_t j = static_cast<std::size_t>(node);
+      problem_.inverse_mass[j] = Wide::Zero();
+      if (material_volume_[j] >= least_volume) {
+        problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
+        problem_.node.push_back(node);
+      } else {
+        node_stress_[j].setZero();
+        inertial_number_[j] = 0;
       }
     }
-    problem_.colour_begin.push_back(problem_.blocks.size());
+    assign_blocks(node_order_, problem_);
 
     const std::size_t cones = problem_.node.size();
     problem_.coupling.resize(cones);

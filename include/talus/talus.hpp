@@ -14,6 +14,7 @@
 #include "talus/cone/law.hpp"
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/projection.hpp"
+#include "talus/cone/projection_step.hpp"
 #include "talus/cone/quartic.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/core/error.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/cone/secular.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
@@ -18,7 +17,7 @@ namespace scenes {
 using namespace talus;
 
 template <int Dim, class Transfer = Apic>
-using Sim = Simulation<Dim, ConstantFriction, Transfer, GaussSeidel<SecularSolver>>;
+using Sim = Simulation<Dim, ConstantFriction, Transfer, GaussSeidel<>>;
 
 /// A box with slip walls, a sticking floor and an open top, gravity turned by `angle_deg`.
 /// size and cells: along x, across (3-D) and up.

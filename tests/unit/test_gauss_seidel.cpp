@@ -138,6 +138,9 @@ TEST_CASE("Gauss-Seidel solves small dense problems") {
   solve_and_check<2, FischerBurmeisterNewton, CoulombLaw>(1e-9, 0.44);
   solve_and_check<3, SecularSolver, AssociatedLaw>(1e-6, 0.44);
   solve_and_check<2, SecularSolver, AssociatedLaw>(1e-8, 0);
+  solve_and_check<2, ProjectionStep, AssociatedLaw>(1e-9, 0.44);
+  solve_and_check<3, ProjectionStep, AssociatedLaw>(1e-6, 0.44);
+  solve_and_check<2, ProjectionStep, AssociatedLaw>(1e-8, 0);
 }
 
 TEST_CASE("Gauss-Seidel: a warm start at the solution needs no sweep") {

@@ -42,6 +42,22 @@ concept LocalSolver = std::constructible_from<S, const typename S::Params&> &&
   noexcept->std::same_as<LocalReport>;
 };
 
+/// What may take a local solver's place in a sweep: one step towards the solution instead of all of
+/// the way. A model S has Params, Prepared and prepare as a LocalSolver has, and
+///   - `s.step(prepared, gamma, lambda)`, noexcept: improves λ, given γ = W λ + b at the λ on
+///   entry;
+///     leaves λ as it is if and only if that is the solution.
+/// Model: ProjectionStep.
+template <class S, class Law, int N>
+concept LocalStep = std::constructible_from<S, const typename S::Params&> &&
+    std::default_initializable<typename S::template Prepared<Law, N>> &&
+    requires(const S s, const Mat<N> w, const typename S::template Prepared<Law, N> prepared,
+             const Vec<N> gamma, Vec<N>& lambda) {
+  { s.prepare(Law{}, w, 0.5) } -> std::same_as<typename S::template Prepared<Law, N>>;
+  { s.step(prepared, gamma, lambda) }
+  noexcept;
+};
+
 /// Prepares and solves in one go.
 template <class S, class Law, int N>
 LocalReport solve_local(const S& solver, Law law, const Mat<N>& w, const Vec<N>& b, double friction,

@@ -3,6 +3,7 @@
 
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
 
 #include <cstddef>
 #include <vector>
@@ -78,5 +79,29 @@ class BlockOrder {
   std::vector<int> nodes_;
   std::vector<std::size_t> begin_, colour_begin_;
 };
+
+/// Sets the problem's blocks and colours. Its cones must stand in the order of `order`, which may
+/// have more nodes; its contacts are left for the caller to assign.
+template <int Dim>
+void assign_blocks(const BlockOrder<Dim>& order, DualProblem<Dim>& problem) {
+  problem.blocks.clear();
+  problem.colour_begin.clear();
+  const std::vector<std::size_t>& colours = order.colour_begin();
+  std::size_t cone = 0;
+  for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
+    problem.colour_begin.push_back(problem.blocks.size());
+    for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b) {
+      Block block;
+      block.cone_begin = cone;
+      for (std::size_t k = order.begin(b); k < order.begin(b + 1); ++k)
+        if (cone < problem.cones() && problem.node[cone] == order.nodes()[k])
+          ++cone;
+      block.cone_end = cone;
+      if (block.cone_end > block.cone_begin)
+        problem.blocks.push_back(block);
+    }
+  }
+  problem.colour_begin.push_back(problem.blocks.size());
+}
 
 } // namespace talus

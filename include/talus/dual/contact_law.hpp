@@ -29,14 +29,18 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const Contact<Dim>&
   return problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
 }
 
-/// Solves one contact and puts the change of its impulse into the node's velocity.
+/// Solves one contact and puts the change of its impulse into the node's velocity; returns w |Δr|²,
+/// w the inverse mass.
 template <int Dim>
-void update_contact(DualProblem<Dim>& problem, Contact<Dim>& contact) {
+double update_contact(DualProblem<Dim>& problem, Contact<Dim>& contact) {
   const std::size_t j = static_cast<std::size_t>(contact.node);
   auto u = problem.velocity[j].template head<Dim>();
-  const Vec<Dim> impulse = contact_impulse<Dim>(contact, u, contact_inverse_mass(problem, contact));
-  u += problem.inverse_mass[j].template head<Dim>().cwiseProduct(impulse - contact.impulse);
+  const double inverse_mass = contact_inverse_mass(problem, contact);
+  const Vec<Dim> impulse = contact_impulse<Dim>(contact, u, inverse_mass);
+  const Vec<Dim> change = impulse - contact.impulse;
+  u += problem.inverse_mass[j].template head<Dim>().cwiseProduct(change);
   contact.impulse = impulse;
+  return inverse_mass * change.squaredNorm();
 }
 
 } // namespace talus

@@ -3,14 +3,13 @@
 
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
+#include "talus/io/atomic_file.hpp"
 
 #include <bit>
-#include <cerrno>
 #include <charconv>
 #include <concepts>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <stdexcept>
@@ -67,57 +66,6 @@ requires((Rows == 2 || Rows == 3) &&
       for (int c = 0; c < columns; ++c)
         values.push_back(r < Rows && c < Cols ? value(r, c) : 0.0);
   }
-};
-
-/// A file that gets its name when it is complete; given up, it leaves nothing behind.
-class AtomicFile {
- public:
-  explicit AtomicFile(const std::filesystem::path& path)
-      : path_(path), temporary_(path.string() + ".tmp"),
-        file_(std::fopen(temporary_.string().c_str(), "wb")) {
-    if (!file_) {
-      const int error = errno;
-      temporary_.clear(); // not ours to remove
-      fail(error);
-    }
-  }
-  ~AtomicFile() { give_up(); }
-  AtomicFile(const AtomicFile&) = delete;
-  AtomicFile& operator=(const AtomicFile&) = delete;
-
-  void write(const void* data, std::size_t bytes) {
-    if (bytes > 0 && std::fwrite(data, 1, bytes, file_) != bytes)
-      fail(errno);
-  }
-  void write(std::string_view text) { write(text.data(), text.size()); }
-
-  void commit() {
-    if (std::fclose(std::exchange(file_, nullptr)) != 0)
-      fail(errno);
-    std::error_code error;
-    std::filesystem::rename(temporary_, path_, error);
-    if (error)
-      fail(error.value());
-    temporary_.clear();
-  }
-
- private:
-  [[noreturn]] void fail(int error) {
-    give_up();
-    throw std::runtime_error("cannot write " + path_.string() + ": " +
-                             std::generic_category().message(error));
-  }
-
-  void give_up() noexcept {
-    if (file_)
-      std::fclose(std::exchange(file_, nullptr));
-    std::error_code ignored;
-    if (!temporary_.empty())
-      std::filesystem::remove(temporary_, ignored);
-  }
-
-  std::filesystem::path path_, temporary_;
-  std::FILE* file_;
 };
 
 inline std::string xml_escaped(std::string_view text) {
@@ -327,7 +275,7 @@ class VtkSeries {
 
  private:
   void write() const {
-    detail::AtomicFile file(path_);
+    AtomicFile file(path_);
     file.write("<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"1.0\" "
                "byte_order=\"LittleEndian\">\n<Collection>\n");
     file.write(frames_);

@@ -1,0 +1,388 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/coloring.hpp"
+#include "talus/dual/operator.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/io/atomic_file.hpp"
+
+#include <Eigen/Geometry>
+
+#include <algorithm>
+#include <bit>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+/// \file
+/// Dual problems in files: saved from any step, read back to be solved by any solver, and exported
+/// as plain algebra for other programs. The format is described in docs/problem_files.md.
+
+namespace talus {
+
+namespace detail {
+
+static_assert(std::endian::native == std::endian::little,
+              "talus: problem files are written on little-endian machines only");
+
+/// FNV-1a of bytes, 64 bits.
+inline std::uint64_t fingerprint(std::string_view bytes) {
+  std::uint64_t hash = 0xcbf29ce484222325U;
+  for (const char byte : bytes)
+    hash = (hash ^ static_cast<unsigned char>(byte)) * 0x100000001b3U;
+  return hash;
+}
+
+class ByteWriter {
+ public:
+  void text(std::string_view text) { bytes_ += text; }
+  /// One header line: a key and numbers with the fewest digits that read back equal.
+  template <class... Numbers>
+  void line(std::string_view key, const Numbers&... values) {
+    bytes_ += key;
+    (number(values), ...);
+    bytes_ += '\n';
+  }
+  template <class Number>
+  void number(const Number& value) {
+    char digits[32];
+    const auto end = std::to_chars(digits, digits + sizeof digits, value).ptr;
+    bytes_ += ' ';
+    bytes_.append(digits, end);
+  }
+  template <class Number>
+  requires std::is_arithmetic_v<Number>
+  void raw(const Number& value) {
+    char buffer[sizeof value];
+    std::memcpy(buffer, &value, sizeof value);
+    bytes_.append(buffer, sizeof value);
+  }
+  template <class Derived>
+  void raw(const Eigen::DenseBase<Derived>& values) {
+    for (Eigen::Index c = 0; c < values.cols(); ++c)
+      for (Eigen::Index r = 0; r < values.rows(); ++r)
+        raw(static_cast<double>(values(r, c)));
+  }
+  std::string& bytes() { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+/// Reads what ByteWriter wrote; every departure from it is a std::runtime_error that names the
+/// file.
+class ByteReader {
+ public:
+  explicit ByteReader(const std::filesystem::path& path) : path_(path) {
+    std::error_code error;
+    if (std::filesystem::is_directory(path, error))
+      fail("it is a folder");
+    std::ifstream file(path, std::ios::binary);
+    if (!file)
+      fail(std::generic_category().message(errno));
+    bytes_.assign(std::istreambuf_iterator<char>(file), {});
+    rest_ = bytes_;
+  }
+
+  [[noreturn]] void fail(const std::string& reason) const {
+    throw std::runtime_error("cannot read " + path_.string() + ": " + reason);
+  }
+
+  /// Takes the fingerprint off the end and compares it.
+  void check_fingerprint() {
+    if (rest_.size() < sizeof(std::uint64_t))
+      fail("it is truncated");
+    std::uint64_t stored;
+    const std::size_t payload = rest_.size() - sizeof stored;
+    std::memcpy(&stored, rest_.data() + payload, sizeof stored);
+    rest_.remove_suffix(sizeof stored);
+    if (fingerprint(std::string_view(bytes_).substr(0, bytes_.size() - sizeof stored)) != stored)
+      fail("its checksum does not fit: it is damaged or truncated");
+  }
+
+  /// The rest of the header line that must begin with `key`.
+  std::string_view line(std::string_view key) {
+    const std::size_t end = rest_.find('\n');
+    if (end == std::string_view::npos || end > 1000)
+      fail("the line \"" + std::string(key) + "\" is missing");
+    std::string_view line = rest_.substr(0, end);
+    if (!line.starts_with(key))
+      fail("the line \"" + std::string(key) + "\" is missing");
+    line.remove_prefix(key.size());
+    rest_.remove_prefix(end + 1);
+    return line;
+  }
+  template <class... Numbers>
+  void line(std::string_view key, Numbers&... values) {
+    std::string_view text = line(key);
+    const auto take = [&](auto& value) {
+      if (text.starts_with(' '))
+        text.remove_prefix(1);
+      const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+      if (result.ec != std::errc())
+        fail("a number is missing in the line \"" + std::string(key) + "\"");
+      text.remove_prefix(static_cast<std::size_t>(result.ptr - text.data()));
+    };
+    (take(values), ...);
+    if (!text.empty())
+      fail("more than expected in the line \"" + std::string(key) + "\"");
+  }
+
+  /// Refuses what the rest of the file cannot hold, before memory is asked for.
+  void need(std::size_t items, std::size_t bytes_each) const {
+    if (items > rest_.size() / bytes_each)
+      fail("it is truncated");
+  }
+  template <class Number>
+  requires std::is_arithmetic_v<Number>
+  void raw(Number& value) {
+    need(1, sizeof value);
+    std::memcpy(&value, rest_.data(), sizeof value);
+    rest_.remove_prefix(sizeof value);
+    if constexpr (std::is_floating_point_v<Number>)
+      if (!std::isfinite(value))
+        fail("a number is not finite");
+  }
+  template <class Derived>
+  void raw(Eigen::DenseBase<Derived>& values) {
+    for (Eigen::Index c = 0; c < values.cols(); ++c)
+      for (Eigen::Index r = 0; r < values.rows(); ++r)
+        raw(values(r, c));
+  }
+  bool at_end() const { return rest_.empty(); }
+
+ private:
+  std::filesystem::path path_;
+  std::string bytes_;
+  std::string_view rest_;
+};
+
+template <int Dim>
+Contact<Dim> read_contact(ByteReader& reader) {
+  Contact<Dim> contact;
+  reader.raw(contact.node);
+  reader.raw(contact.source);
+  reader.raw(contact.normal);
+  reader.raw(contact.wall_velocity);
+  reader.raw(contact.friction);
+  reader.raw(contact.impulse);
+  if (!(contact.friction >= 0) || std::abs(contact.normal.norm() - 1) > 1e-6)
+    reader.fail("a contact has a negative friction or a normal that is not of length 1");
+  return contact;
+}
+
+} // namespace detail
+
+/// Saves a dual problem with its present stresses and impulses: in Simulation::step(before_solve),
+/// the warm start; after the step, the solution. Throws std::runtime_error if the file cannot be
+/// written; an earlier file of that name is replaced only by a complete one.
+template <int Dim>
+void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& problem) {
+  const auto& grid = problem.grid;
+  std::vector<int> points; // whose velocity or mass is not zero
+  for (std::size_t j = 0; j < problem.velocity.size(); ++j)
+    if (!problem.velocity[j].isZero(0) || !problem.inverse_mass[j].isZero(0))
+      points.push_back(static_cast<int>(j));
+
+  detail::ByteWriter out;
+  const auto vector_line = [&](std::string_view key, const auto& value) {
+    out.text(key);
+    for (int a = 0; a < Dim; ++a)
+      out.number(value(a));
+    out.text("\n");
+  };
+  out.line("talus-problem", 1);
+  out.line("dimension", Dim);
+  vector_line("cells", [&](int a) { return grid.cells(a); });
+  vector_line("origin", grid.origin());
+  vector_line("size", grid.size());
+  out.line("stress_scale", problem.stress_scale);
+  out.line("points", points.size());
+  out.line("cones", problem.cones());
+  out.line("contacts", problem.contacts.size());
+  for (const int point : points) {
+    const std::size_t j = static_cast<std::size_t>(point);
+    out.raw(static_cast<std::int32_t>(point));
+    out.raw(problem.velocity[j].template head<Dim>());
+    out.raw(problem.inverse_mass[j].template head<Dim>());
+  }
+  for (std::size_t i = 0; i < problem.cones(); ++i) {
+    out.raw(static_cast<std::int32_t>(problem.node[i]));
+    out.raw(problem.coupling[i]);
+    out.raw(problem.void_rate[i]);
+    out.raw(problem.friction[i]);
+    out.raw(problem.volume[i]);
+    out.raw(problem.stress[i]);
+  }
+  for (const Contact<Dim>& contact : problem.contacts) {
+    out.raw(static_cast<std::int32_t>(contact.node));
+    out.raw(static_cast<std::int32_t>(contact.source));
+    out.raw(contact.normal);
+    out.raw(contact.wall_velocity);
+    out.raw(contact.friction);
+    out.raw(contact.impulse);
+  }
+  out.raw(detail::fingerprint(out.bytes()));
+  AtomicFile file(path);
+  file.write(out.bytes());
+  file.commit();
+}
+
+/// The dimension of a problem file, 2 or 3. Throws std::runtime_error as read_problem does.
+inline int problem_dimension(const std::filesystem::path& path) {
+  detail::ByteReader in(path);
+  int version = 0, dimension = 0;
+  in.line("talus-problem", version);
+  in.line("dimension", dimension);
+  if (dimension != 2 && dimension != 3)
+    in.fail("its dimension is " + std::to_string(dimension) + "; allowed: 2 or 3");
+  return dimension;
+}
+
+/// Reads what write_problem wrote, bit for bit. Throws std::runtime_error that names the file and
+/// the reason if it cannot be read, is damaged, truncated, of another version or dimension, or
+/// holds numbers that make no problem.
+template <int Dim>
+DualProblem<Dim> read_problem(const std::filesystem::path& path) {
+  detail::ByteReader in(path);
+  int version = 0, dimension = 0;
+  in.line("talus-problem", version);
+  if (version != 1)
+    in.fail("its version is " + std::to_string(version) + "; allowed: 1");
+  in.line("dimension", dimension);
+  if (dimension != Dim)
+    in.fail("its dimension is " + std::to_string(dimension) + "; expected: " + std::to_string(Dim));
+  in.check_fingerprint();
+
+  DualProblem<Dim> problem;
+  GridParams<Dim> box;
+  std::size_t points = 0, cones = 0, contacts = 0;
+  if constexpr (Dim == 2) {
+    in.line("cells", box.cells[0], box.cells[1]);
+    in.line("origin", box.origin[0], box.origin[1]);
+    in.line("size", box.size[0], box.size[1]);
+  } else {
+    in.line("cells", box.cells[0], box.cells[1], box.cells[2]);
+    in.line("origin", box.origin[0], box.origin[1], box.origin[2]);
+    in.line("size", box.size[0], box.size[1], box.size[2]);
+  }
+  in.line("stress_scale", problem.stress_scale);
+  in.line("points", points);
+  in.line("cones", cones);
+  in.line("contacts", contacts);
+  try {
+    problem.grid = Grid<Dim>(box);
+  } catch (const std::invalid_argument& error) {
+    in.fail(error.what());
+  }
+  if (!(problem.stress_scale >= 0 && std::isfinite(problem.stress_scale)))
+    in.fail("its stress_scale is not a finite number >= 0");
+  in.need(points, sizeof(std::int32_t) + 2 * Dim * sizeof(double));
+  in.need(cones, sizeof(std::int32_t) + sizeof(Coupling<Dim>));
+  in.need(contacts, 2 * sizeof(std::int32_t));
+
+  const auto& grid = problem.grid;
+  const std::size_t nodes = static_cast<std::size_t>(grid.node_count());
+  problem.velocity.assign(nodes, NodeVec<Dim>::Zero());
+  problem.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
+  const auto take_node = [&] {
+    std::int32_t node = -1;
+    in.raw(node);
+    bool inside = node >= 0 && node < grid.node_count();
+    if (inside) {
+      const Index<Dim> index = grid.node_index(node);
+      for (int a = 0; a < Dim; ++a)
+        inside = inside && index[a] >= 0 && index[a] <= grid.cells(a);
+    }
+    if (!inside)
+      in.fail("node " + std::to_string(node) + " is not on the grid");
+    return static_cast<int>(node);
+  };
+  for (std::size_t p = 0; p < points; ++p) {
+    const std::size_t j = static_cast<std::size_t>(take_node());
+    Vec<Dim> u, w;
+    in.raw(u);
+    in.raw(w);
+    if (!(w.array() >= 0).all())
+      in.fail("a mass is negative");
+    problem.velocity[j].template head<Dim>() = u;
+    problem.inverse_mass[j].template head<Dim>() = w;
+  }
+  problem.node.resize(cones);
+  problem.coupling.resize(cones);
+  problem.void_rate.resize(cones);
+  problem.friction.resize(cones);
+  problem.volume.resize(cones);
+  problem.stress.resize(cones);
+  for (std::size_t i = 0; i < cones; ++i) {
+    problem.node[i] = take_node();
+    in.raw(problem.coupling[i]);
+    in.raw(problem.void_rate[i]);
+    in.raw(problem.friction[i]);
+    in.raw(problem.volume[i]);
+    in.raw(problem.stress[i]);
+    if (!(problem.void_rate[i] >= 0 && problem.friction[i] >= 0 && problem.volume[i] > 0))
+      in.fail("cone " + std::to_string(i) + " has a negative void rate, friction or volume");
+  }
+  assign_blocks(BlockOrder<Dim>(grid), problem);
+  if (problem.blocks.empty() ? cones > 0 : problem.blocks.back().cone_end != cones)
+    in.fail("its cones are not in the order of the blocks");
+  std::size_t taken = 0;
+  Contact<Dim> contact;
+  if (contacts > 0)
+    contact = detail::read_contact<Dim>(in);
+  for (Block& block : problem.blocks) {
+    block.contact_begin = problem.contacts.size();
+    for (std::size_t i = block.cone_begin; i < block.cone_end; ++i)
+      while (taken < contacts && contact.node == problem.node[i]) {
+        problem.contacts.push_back(contact);
+        if (++taken < contacts)
+          contact = detail::read_contact<Dim>(in);
+      }
+    block.contact_end = problem.contacts.size();
+  }
+  if (taken != contacts)
+    in.fail("its contacts are not in the order of the blocks, or at nodes without a cone");
+  for (const Contact<Dim>& c : problem.contacts)
+    if (!(contact_inverse_mass(problem, c) > 0))
+      in.fail("a contact is at a node that cannot move");
+  if (!in.at_end())
+    in.fail("it is longer than it says");
+  return problem;
+}
+
+/// Takes all stresses and impulses out of the velocities and sets them to zero: a cold start.
+template <int Dim>
+void remove_impulses(DualProblem<Dim>& problem) {
+  const Stencil<Dim> stencil(problem.grid);
+  for (std::size_t i = 0; i < problem.cones(); ++i) {
+    apply_stress(problem, stencil, i, Vec<symmetric_size<Dim>>(-problem.stress[i]));
+    problem.stress[i].setZero();
+  }
+  for (Contact<Dim>& contact : problem.contacts) {
+    const std::size_t j = static_cast<std::size_t>(contact.node);
+    problem.velocity[j].template head<Dim>() -=
+        problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+    contact.impulse.setZero();
+  }
+}
+
+} // namespace talus
