@@ -5,13 +5,9 @@
 // One line a problem: mu, b (N numbers), W (lower triangle by rows), the stress of the step before
 // (the warm start). Every number with 17 digits, so that it reads back equal.
 
-#include "talus/cone/secular.hpp"
+#include "scenes.hpp"
+
 #include "talus/dual/operator.hpp"
-#include "talus/rheology/laws.hpp"
-#include "talus/scene/collapse.hpp"
-#include "talus/simulation.hpp"
-#include "talus/solver/gauss_seidel.hpp"
-#include "talus/transfer/schemes.hpp"
 
 #include <cstddef>
 #include <cstdio>
@@ -22,28 +18,7 @@ namespace {
 
 template <int Dim>
 bool record(const char* path) {
-  using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic,
-                                talus::GaussSeidel<talus::SecularSolver>>;
-  talus::CollapseSetup setup;
-  setup.inclination_deg = 15;
-  setup.column_length = 0.22;
-  setup.column_height = 0.11;
-  setup.bed_depth = 0.02;
-  setup.length = 1.52;
-  setup.width = 0.06;
-  setup.height = 0.15;
-  setup.wall_friction = setup.gate_friction = 0.23;
-  typename Sim::Params params;
-  params.grid = setup.grid<Dim>({0.02, 0.02, 0.01});
-  params.material.density = 1470;
-  params.gravity = setup.gravity_vector<Dim>();
-  params.time_step = 8.3e-4 * 2;
-  params.rheology.mu = 0.44;
-  params.faces = setup.faces<Dim>();
-  params.solver.tolerance = 1e-6;
-  params.obstacles.push_back(setup.make_gate<Dim>());
-  const talus::Grid<Dim> grid(params.grid);
-  Sim sim(params, setup.particles<Dim>(grid, {.per_axis = 3}));
+  auto sim = scenes::collapse_b15<Dim>(1, 1e-6);
   while (sim.time() < 0.3)
     if (!sim.step().completed())
       return false;

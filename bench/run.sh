@@ -1,19 +1,24 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# Builds the benchmarks, runs that of the local solvers, draws its table and its picture.
+# Builds the benchmarks and runs one of them; leaves JSON, a table and pictures.
 #
-#     sh bench/run.sh [--out DIR] [options of Google Benchmark, such as --benchmark_filter=secular]
+#     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes
+#     sh bench/run.sh global [--out DIR]                                global solvers, 10 minutes
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
-out=$root/out/bench
+case ${1:-} in
+  local | global) name=$1; shift ;;
+  -h | --help) sed -n '3,6s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global" >&2; exit 2 ;;
+esac
+out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
   [ $# -ge 2 ] || { echo "--out needs a folder" >&2; exit 2; }
   out=$2
   shift 2
 fi
-case ${1:-} in -h | --help) sed -n '3,6s/^# \{0,1\}//p' "$0"; exit 0 ;; esac
 
 sh "$root/examples/setup.sh" bench
 if command -v ninja > /dev/null; then
@@ -21,13 +26,38 @@ if command -v ninja > /dev/null; then
 fi
 cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DTALUS_BUILD_BENCH=ON \
   -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=OFF
-cmake --build "$build"
+cmake --build "$build" --parallel "$(getconf _NPROCESSORS_ONLN)"
 
 mkdir -p "$out" || { echo "$out cannot be made; --out DIR" >&2; exit 2; }
-"$build/bench/bench_local_solver" --benchmark_repetitions=5 --benchmark_min_time=0.02 \
-  --benchmark_enable_random_interleaving=true --benchmark_out_format=json \
-  --benchmark_out="$out/local_solver.json" "$@" > "$out/local_solver.log"
 python=python3 # the first in PATH may lack what the system's has
 python3 -c 'import matplotlib' 2> /dev/null || python=/usr/bin/python3
-"$python" "$root/bench/local_solver.py" "$out"
-echo "$out/local_solver.json, .md, .png"
+if [ "$name" = local ]; then
+  "$build/bench/bench_local_solver" --benchmark_repetitions=5 --benchmark_min_time=0.02 \
+    --benchmark_enable_random_interleaving=true --benchmark_out_format=json \
+    --benchmark_out="$out/local_solver.json" "$@" > "$out/local_solver.log"
+  "$python" "$root/bench/local_solver.py" "$out"
+  echo "$out/local_solver.json, .md, .png"
+  exit
+fi
+
+solve="$build/bench/bench_global_solver"
+echo "residuals against time"
+"$solve" --json --history --tol 1e-6 --max-sweeps 3000 --repetitions 2 --cold \
+  --problem "$root"/bench/problems/b15_*.talus > "$out/histories.json"
+echo "recording problems at h, h/2, h/4"
+"$build/bench/record_global_problems" "$out"
+echo "sweeps against resolution"
+for start in '' --cold; do
+  # shellcheck disable=SC2086 # no word when warm
+  "$solve" --json --repetitions 2 --max-sweeps 5000 $start --solver accelerated plain coulomb-secular \
+    --problem "$out"/b15_*_h*.talus > "$out/resolution_${start#--}.json"
+done
+echo "threads"
+"$solve" --json --repetitions 5 --threads 1 --solver accelerated \
+  --problem "$out/b15_3d_h2.talus" > "$out/threads_1.json"
+"$solve" --json --repetitions 5 --threads 2 --solver accelerated \
+  --problem "$out/b15_3d_h2.talus" > "$out/threads_2.json"
+echo "creep against tolerance"
+"$build/bench/creep" > "$out/creep.csv"
+"$python" "$root/bench/global_solver.py" "$out"
+echo "$out/global_solver.md, residuals.png, resolution.png, creep.png"

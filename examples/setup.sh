@@ -62,10 +62,11 @@ check_needed() {
   elif [ "$1" = bench ]; then
     need libbenchmark-dev 'Google Benchmark' has_header benchmark/benchmark.h
   else
-    need libcli11-dev CLI11 has_header CLI/CLI.hpp
-    need nlohmann-json3-dev 'nlohmann/json 3' has_header nlohmann/json.hpp
     need libtomlplusplus-dev 'toml++ 3' has_header toml++/toml.h
   fi
+  [ "$1" = tests ] && return
+  need libcli11-dev CLI11 has_header CLI/CLI.hpp
+  need nlohmann-json3-dev 'nlohmann/json 3' has_header nlohmann/json.hpp
 }
 
 # Adds what is only for the pictures.

@@ -43,7 +43,7 @@ template <class Local = ProjectionStep, class Law = AssociatedLaw>
 class GaussSeidel {
  public:
   struct Params {
-    double tolerance = 1e-4; ///< for the l2 residual of dual/residual.hpp
+    double tolerance = 5e-5; ///< for the l2 residual of dual/residual.hpp
     int max_sweeps = 2000;
     int check_every = 20;  ///< most sweeps between two measurements of the residual
     double momentum = 0.9; ///< largest β, in [0, 1]; 0 is plain Gauss–Seidel

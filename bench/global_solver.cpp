@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: MIT
+// Solves recorded dual problems (see docs/problem_files.md) with the global solvers:
+//   bench_global_solver --problem FILE --solver NAME --tol X --threads N --json
+// With --history the residual after 1, 2, 3, 5, … sweeps and the seconds they took: each a solve of
+// its own from the same start, so that measuring costs nothing of what is measured.
+
+#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/projection_step.hpp"
+#include "talus/cone/secular.hpp"
+#include "talus/io/matrix_market.hpp"
+#include "talus/io/problem_file.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace {
+
+using namespace talus;
+using nlohmann::json;
+
+struct Options {
+  std::vector<std::string> problems, solvers;
+  std::string matrix_market;
+  double tolerance = 1e-4;
+  int threads = 1, max_sweeps = 20000, repetitions = 3;
+  bool cold = false, history = false, as_json = false;
+};
+
+/// Solves the problem, `repetitions` times; the shortest time counts.
+template <int Dim, class SolverT>
+SolveReport timed(const Options& options, const DualProblem<Dim>& problem, double tolerance,
+                  int max_sweeps, double momentum) {
+  typename SolverT::Params params;
+  params.tolerance = tolerance;
+  params.max_sweeps = max_sweeps;
+  params.momentum = momentum;
+  const SolverT solver(params);
+  typename SolverT::template Workspace<Dim> workspace;
+  SolveReport best;
+  for (int k = 0; k < options.repetitions; ++k) {
+    DualProblem<Dim> copy = problem;
+    const SolveReport report = solver.solve(copy, workspace, options.threads);
+    if (k == 0 || report.seconds < best.seconds)
+      best = report;
+  }
+  return best;
+}
+
+json to_json(const SolveReport& report) {
+  return {{"status", to_string(report.status)},  {"iterations", report.iterations},
+          {"residual_l2", report.residual.l2},   {"residual_max", report.residual.max},
+          {"local_misses", report.local_misses}, {"seconds", report.seconds}};
+}
+
+template <int Dim, class SolverT>
+json run(const Options& options, const DualProblem<Dim>& problem, double momentum) {
+  const SolveReport report =
+      timed<Dim, SolverT>(options, problem, options.tolerance, options.max_sweeps, momentum);
+  json result = to_json(report);
+  result["microseconds_per_cone_and_sweep"] =
+      1e6 * report.seconds / static_cast<double>(problem.cones()) / std::max(1, report.iterations);
+  if (options.history) {
+    result["history"] = json::array();
+    for (double sweeps = 1; sweeps < 1.3 * std::max(1, report.iterations);
+         sweeps = std::max(sweeps + 1, 1.5 * sweeps))
+      result["history"].push_back(to_json(
+          timed<Dim, SolverT>(options, problem, options.tolerance,
+                              std::min(static_cast<int>(sweeps), options.max_sweeps), momentum)));
+  }
+  return result;
+}
+
+template <int Dim>
+using Entry = std::function<json(const Options&, const DualProblem<Dim>&)>;
+
+/// Add a line for a solver of your own.
+template <int Dim>
+std::map<std::string, Entry<Dim>> solvers() {
+  const double momentum = GaussSeidel<>::Params{}.momentum;
+  return {
+      {"accelerated",
+       [=](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, GaussSeidel<>>(o, p, momentum);
+       }},
+      {"accelerated-secular",
+       [=](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, GaussSeidel<SecularSolver>>(o, p, momentum);
+       }},
+      {"plain", [](const Options& o,
+                   const DualProblem<Dim>& p) { return run<Dim, GaussSeidel<>>(o, p, 0); }},
+      {"plain-secular",
+       [](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, GaussSeidel<SecularSolver>>(o, p, 0);
+       }},
+      {"coulomb-secular",
+       [](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, GaussSeidel<SecularSolver, CoulombLaw>>(o, p, 0);
+       }},
+      {"coulomb-newton",
+       [](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, GaussSeidel<FischerBurmeisterNewton, CoulombLaw>>(o, p, 0);
+       }},
+  };
+}
+
+template <int Dim>
+void run_file(const Options& options, const std::string& file, json& results) {
+  DualProblem<Dim> problem = read_problem<Dim>(file);
+  if (!options.matrix_market.empty())
+    write_matrix_market<Dim>(options.matrix_market, problem);
+  if (options.cold)
+    remove_impulses(problem);
+  for (const auto& [name, solve] : solvers<Dim>()) {
+    if (!options.solvers.empty() &&
+        std::ranges::find(options.solvers, name) == options.solvers.end())
+      continue;
+    json result = solve(options, problem);
+    result["problem"] = file;
+    result["solver"] = name;
+    result["start"] = options.cold ? "cold" : "warm";
+    result["dimension"] = Dim;
+    result["cones"] = problem.cones();
+    result["contacts"] = problem.contacts.size();
+    result["threads"] = options.threads;
+    result["tolerance"] = options.tolerance;
+    if (!options.as_json)
+      std::printf("%-40s %-20s %s: %s, %d sweeps, %.4f s, residual %.1e (max %.1e), %.3f us a cone "
+                  "and sweep\n",
+                  file.c_str(), name.c_str(), options.cold ? "cold" : "warm",
+                  result["status"].get<std::string>().c_str(), result["iterations"].get<int>(),
+                  result["seconds"].get<double>(), result["residual_l2"].get<double>(),
+                  result["residual_max"].get<double>(),
+                  result["microseconds_per_cone_and_sweep"].get<double>());
+    results.push_back(std::move(result));
+  }
+}
+
+} // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app("Solves recorded dual problems with the global solvers.");
+  std::vector<std::string> names;
+  for (const auto& entry : solvers<2>())
+    names.push_back(entry.first);
+  app.add_option("--problem", options.problems, "Problem files")
+      ->required()
+      ->check(CLI::ExistingFile);
+  app.add_option("--solver", options.solvers, "Solvers (default: all)")
+      ->check(CLI::IsMember(names));
+  app.add_option("--tol", options.tolerance, "l2 residual to reach")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--max-sweeps", options.max_sweeps, "Most sweeps")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--repetitions", options.repetitions, "Solves, of which the fastest counts")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--threads", options.threads, "Threads")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_flag("--cold", options.cold, "Start from no stress instead of the recorded one");
+  app.add_flag("--history", options.history, "Residual and seconds after 1, 2, 3, 5, ... sweeps");
+  app.add_flag("--json", options.as_json, "Print JSON");
+  app.add_option("--matrix-market", options.matrix_market,
+                 "Also write the problem's plain algebra into this folder");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    json results = json::array();
+    for (const std::string& file : options.problems) {
+      if (problem_dimension(file) == 2)
+        run_file<2>(options, file, results);
+      else
+        run_file<3>(options, file, results);
+    }
+    if (options.as_json)
+      std::printf("%s\n", results.dump(1).c_str());
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+  return 0;
+}

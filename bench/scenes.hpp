@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/rheology/laws.hpp"
+#include "talus/scene/collapse.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/transfer/schemes.hpp"
+
+#include <vector>
+
+/// The scenes that the benchmarks measure on.
+namespace scenes {
+
+template <int Dim>
+using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+
+/// Run B15 of Rousseau et al. 2023 with cells of 2 cm (across: the same) by 1 cm and a time step of
+/// 1.66 ms, all divided by `finer`.
+template <int Dim>
+Sim<Dim> collapse_b15(double finer, double tolerance, int per_axis = 3) {
+  talus::CollapseSetup setup;
+  setup.inclination_deg = 15;
+  setup.column_length = 0.22;
+  setup.column_height = 0.11;
+  setup.bed_depth = 0.02;
+  setup.length = 1.52;
+  setup.width = 0.06;
+  setup.height = 0.15;
+  setup.wall_friction = setup.gate_friction = 0.23;
+  typename Sim<Dim>::Params params;
+  params.grid = setup.grid<Dim>({0.02 / finer, 0.02 / finer, 0.01 / finer});
+  params.material.density = 1470;
+  params.gravity = setup.gravity_vector<Dim>();
+  params.time_step = 1.66e-3 / finer;
+  params.rheology.mu = 0.44;
+  params.faces = setup.faces<Dim>();
+  params.solver.tolerance = tolerance;
+  params.obstacles.push_back(setup.make_gate<Dim>());
+  return Sim<Dim>(params,
+                  setup.particles<Dim>(talus::Grid<Dim>(params.grid), {.per_axis = per_axis}));
+}
+
+/// A bed 0.1 m deep between slipping ends on a sticking floor, inclined by angle_deg.
+inline Sim<2> bed(double angle_deg, double mu, double tolerance) {
+  talus::CollapseSetup setup; // an inclined box with a bed and no column
+  setup.inclination_deg = angle_deg;
+  Sim<2>::Params params;
+  params.grid = {.origin = {0, 0}, .size = {1, 0.2}, .cells = {50, 20}};
+  params.material.density = 1470;
+  params.gravity = setup.gravity_vector<2>();
+  params.time_step = 1e-3;
+  params.rheology.mu = mu;
+  params.faces.lower[0].kind = params.faces.upper[0].kind = talus::FaceKind::slip;
+  params.faces.lower[1].kind = talus::FaceKind::stick;
+  params.faces.upper[1].kind = talus::FaceKind::free;
+  params.solver.tolerance = tolerance;
+  params.solver.max_sweeps = 20000;
+  talus::Particles<2> particles;
+  talus::fill_box<2>(particles, talus::Grid<2>(params.grid), {0, 0}, {1, 0.1},
+                     {.per_axis = 3, .jitter = 0});
+  return Sim<2>(params, particles);
+}
+
+} // namespace scenes
