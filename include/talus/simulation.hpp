@@ -319,9 +319,7 @@ class Simulation {
         problem_.velocity[j] += change;
       }
     }
-    // What stops gravity's share of the velocity, or a thousandth of the largest velocity.
-    problem_.stress_scale = params_.material.density * grid_.spacing().minCoeff() *
-                            std::max(change.norm(), 1e-3 * std::sqrt(largest2));
+    problem_.velocity_scale = std::max(change.norm(), 1e-3 * std::sqrt(largest2));
   }
 
   /// Calls visit(node number, axis, face) for every node of the box's faces.

@@ -3,6 +3,8 @@
 #include "talus/io/progress.hpp"
 #include "talus/io/vtk.hpp"
 
+#include "../support/files.hpp"
+
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -17,47 +19,12 @@
 #include <vector>
 
 namespace fs = std::filesystem;
+using support::contains, support::content, support::Folder, support::message_of;
 using talus::Index;
 using talus::Mat;
 using talus::Vec;
 
 namespace {
-
-/// An empty folder for one test, gone afterwards.
-struct Folder {
-  Folder() : path(fs::temp_directory_path() / ("talus_io_" + std::to_string(number()))) {
-    fs::create_directories(path);
-  }
-  ~Folder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-  Folder(const Folder&) = delete;
-  Folder& operator=(const Folder&) = delete;
-  fs::path operator/(const char* name) const { return path / name; }
-
-  static unsigned number() { return std::random_device{}(); }
-  fs::path path;
-};
-
-std::string content(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-template <class Exception, class Function>
-std::string message_of(const Function& function) {
-  try {
-    function();
-  } catch (const Exception& error) {
-    return error.what();
-  }
-  return "(nothing thrown)";
-}
-
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
-}
 
 /// The numbers of appended block `block` of a VTK file.
 std::vector<double> appended(const std::string& file, int block) {

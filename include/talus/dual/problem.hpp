@@ -66,9 +66,9 @@ struct DualProblem {
   std::vector<std::size_t>
       colour_begin; ///< blocks of colour c: colour_begin[c]..colour_begin[c+1]−1
 
-  /// A stress impulse (Pa s) typical of this step, ρ h max(|g| δt, |u|_max/1000): what residuals
-  /// are compared with where there is no stress to compare with.
-  double stress_scale = 0;
+  /// A velocity typical of this step, max(|g| δt, |u|_max/1000), m/s: what residuals are compared
+  /// with where there is no stress to compare with.
+  double velocity_scale = 0;
 
   std::size_t cones() const { return node.size(); }
 };

@@ -21,11 +21,13 @@ struct Residual {
   bool finite() const { return std::isfinite(l2) && std::isfinite(max); }
 };
 
-/// Measures residuals. Cone i contributes f_MFB(γ_i/w_i, λ_i), w_i = tr W_ii / s, a stress impulse;
-/// l2 = sqrt(Σ v_i |f_i|² / Σ v_i |λ_i|²) and max is relative to the same mean stress. Contacts
-/// count in the same way with f(w/w_j, r) and the mean impulse. Where there is no stress to compare
-/// with, the problem's stress_scale takes its place. All cones count, whatever a solver skipped. A
-/// solution whose stresses are wrong by a fraction x shows a residual of about x.
+/// Measures residuals. Cone i contributes the energy e_i = w_i |f_MFB(γ_i/w_i, λ_i)|², w_i = tr
+/// W_ii / s; a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass. l2 = sqrt(Σ e / E), with E
+/// the energy of the solution itself, Σ w_i |λ_i|² + Σ w_j |r|², and at least that of the masses at
+/// the problem's velocity_scale; max is the largest sqrt(e) in units of sqrt(E / number). All cones
+/// count, whatever a solver skipped. A solution whose stresses are wrong by a fraction x shows a
+/// residual of about x. (Weights w_i, not volumes: a tiny stress error on a light node is a large
+/// error of its velocity.)
 template <int Dim>
 class ResidualMeter {
  public:
@@ -33,69 +35,68 @@ class ResidualMeter {
   Residual operator()(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
                       const std::vector<double>& inverse_scales, int threads) {
     constexpr int n = symmetric_size<Dim>;
-    const Sums bulk = parallel_reduce(
+    const double speed2 = problem.velocity_scale * problem.velocity_scale;
+    Sums sums = parallel_reduce(
         threads, static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-          Sums sums;
+          Sums partial;
           for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
                ++i) {
+            const double inverse_mass =
+                problem.inverse_mass[static_cast<std::size_t>(problem.node[i])].maxCoeff();
+            if (inverse_mass > 0)
+              partial.least += speed2 / inverse_mass;
+            if (!(inverse_scales[i] > 0))
+              continue; // nothing around it moves
             Vec<n> gamma = strain_rate(problem, stencil, i);
             gamma[0] += problem.void_rate[i];
             gamma *= inverse_scales[i];
-            const double error =
-                law_residual(CoulombLaw{}, gamma, problem.stress[i], problem.friction[i])
-                    .squaredNorm();
-            sums.add(error, problem.stress[i].squaredNorm(), problem.volume[i]);
+            partial.add(law_residual(CoulombLaw{}, gamma, problem.stress[i], problem.friction[i])
+                            .squaredNorm(),
+                        problem.stress[i].squaredNorm(), 1 / inverse_scales[i]);
           }
-          return sums;
+          return partial;
         },
         Sums::join);
 
-    const double impulse_scale =
-        problem.stress_scale * problem.grid.cell_volume() / problem.grid.spacing().minCoeff();
-    Sums contacts;
     for (const Contact<Dim>& contact : problem.contacts) {
+      const double inverse_mass = contact_inverse_mass(problem, contact);
       const Vec<Dim> w =
           (problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>() -
            contact.wall_velocity) /
-          contact_inverse_mass(problem, contact);
+          inverse_mass;
       // (normal, tangential vector in the frame of the box): the law only sees norms of tangents
       Vec<Dim + 1> gamma, lambda;
       gamma << w.dot(contact.normal), w - w.dot(contact.normal) * contact.normal;
       lambda << contact.impulse.dot(contact.normal),
           contact.impulse - contact.impulse.dot(contact.normal) * contact.normal;
-      contacts.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
-                   lambda.squaredNorm(), 1);
+      sums.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
+               lambda.squaredNorm(), inverse_mass);
     }
-
-    const double bulk_scale2 = bulk.scale2(problem.stress_scale),
-                 contact_scale2 = contacts.scale2(impulse_scale);
-    Residual residual;
-    residual.l2 = std::sqrt(bulk.mean_error2(bulk_scale2) + contacts.mean_error2(contact_scale2));
-    residual.max =
-        std::sqrt(std::max(bulk.worst_error2(bulk_scale2), contacts.worst_error2(contact_scale2)));
-    return residual;
+    return sums.residual();
   }
 
  private:
   struct Sums {
-    double error2 = 0, value2 = 0, weight = 0, worst2 = 0;
+    double error = 0, energy = 0, least = 0, worst = 0, count = 0;
 
-    void add(double e2, double v2, double w) {
-      error2 += w * e2;
-      value2 += w * v2;
-      weight += w;
-      worst2 = e2 <= worst2 ? worst2 : e2; // a NaN is kept, not lost
+    void add(double error2, double value2, double weight) {
+      const double e = weight * error2;
+      error += e;
+      energy += weight * value2;
+      count += 1;
+      worst = e <= worst ? worst : e; // a NaN is kept, not lost
     }
     static Sums join(const Sums& a, const Sums& b) {
-      return {a.error2 + b.error2, a.value2 + b.value2, a.weight + b.weight,
-              b.worst2 <= a.worst2 ? a.worst2 : b.worst2};
+      return {a.error + b.error, a.energy + b.energy, a.least + b.least,
+              b.worst <= a.worst ? a.worst : b.worst, a.count + b.count};
     }
-    double scale2(double fallback) const {
-      return weight > 0 ? std::max(value2 / weight, fallback * fallback) : 0;
+    Residual residual() const {
+      if (error == 0)
+        return {};
+      const double scale = std::max(energy, least);
+      return {std::sqrt(error / scale), std::sqrt(worst / (scale / count))};
     }
-    double mean_error2(double scale2) const { return error2 == 0 ? 0 : error2 / weight / scale2; }
-    double worst_error2(double scale2) const { return worst2 == 0 ? 0 : worst2 / scale2; }
   };
 
   std::vector<Sums> partials_;

@@ -214,7 +214,7 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
   vector_line("cells", [&](int a) { return grid.cells(a); });
   vector_line("origin", grid.origin());
   vector_line("size", grid.size());
-  out.line("stress_scale", problem.stress_scale);
+  out.line("velocity_scale", problem.velocity_scale);
   out.line("points", points.size());
   out.line("cones", problem.cones());
   out.line("contacts", problem.contacts.size());
@@ -284,7 +284,7 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     in.line("origin", box.origin[0], box.origin[1], box.origin[2]);
     in.line("size", box.size[0], box.size[1], box.size[2]);
   }
-  in.line("stress_scale", problem.stress_scale);
+  in.line("velocity_scale", problem.velocity_scale);
   in.line("points", points);
   in.line("cones", cones);
   in.line("contacts", contacts);
@@ -293,8 +293,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   } catch (const std::invalid_argument& error) {
     in.fail(error.what());
   }
-  if (!(problem.stress_scale >= 0 && std::isfinite(problem.stress_scale)))
-    in.fail("its stress_scale is not a finite number >= 0");
+  if (!(problem.velocity_scale >= 0 && std::isfinite(problem.velocity_scale)))
+    in.fail("its velocity_scale is not a finite number >= 0");
   in.need(points, sizeof(std::int32_t) + 2 * Dim * sizeof(double));
   in.need(cones, sizeof(std::int32_t) + sizeof(Coupling<Dim>));
   in.need(contacts, 2 * sizeof(std::int32_t));
