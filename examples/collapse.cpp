@@ -57,6 +57,7 @@ struct Options {
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
   double momentum = talus::GaussSeidel<>::Params{}.momentum;
+  talus::Packing packing;
   bool until_rest = false;
   support::CommonOptions common;
 };
@@ -213,6 +214,7 @@ int run(const Options& options, const Case& collapse) {
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
   params.solver.momentum = options.momentum;
+  params.packing = options.packing;
   params.threads = options.common.threads;
 
   talus::Seeding seeding;
@@ -329,6 +331,8 @@ int run(const Options& options, const Case& collapse) {
                        {"solver", options.solver},
                        {"tolerance", options.tolerance},
                        {"max_sweeps", options.max_sweeps},
+                       {"packing_slack", options.packing.slack},
+                       {"packing_relief", options.packing.relief},
                        {"material", collapse.material.name},
                        {"inclination_deg", setup.inclination_deg},
                        {"column_length_m", setup.column_length},
@@ -439,6 +443,13 @@ int main(int argc, char** argv) {
                  "Solver: relative residual at which a step is solved")
       ->capture_default_str();
   app.add_option("--max-sweeps", options.max_sweeps, "Solver: most sweeps in a step")
+      ->capture_default_str();
+  app.add_option("--packing-slack", options.packing.slack,
+                 "Share of its volume by which a node may miss dense and count as dense")
+      ->capture_default_str();
+  app.add_option("--packing-relief", options.packing.relief,
+                 "Rate at which overpacking is taken back, in sqrt(g/h); 0 and slack 0: the "
+                 "paper's, which loses volume")
       ->capture_default_str();
   app.add_flag("--until-rest", options.until_rest,
                "Run until nothing moves faster than 0.01 m/s (default)");

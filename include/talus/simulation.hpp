@@ -34,6 +34,32 @@ struct Material {
   double density = 0; ///< ρ_c of the dense packing, kg/m³; > 0
 };
 
+/// What is done about nodes that are nearly dense or overpacked. The plain method (Rousseau et al.
+/// 2023: slack and relief 0) lets any node short of dense compact and keeps all overpacking, so
+/// that the noise of the particles' positions becomes settling: it loses 2–6 % of a collapse's
+/// volume on coarse grids, and a bed with jittered positions never rests.
+struct Packing {
+  double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
+  double relief = 0.5; ///< rate at which more overpacking is taken back, in units of sqrt(|g|/h)
+
+  /// Throws std::invalid_argument if a parameter is out of range.
+  void validate() const {
+    if (!(slack >= 0 && slack < 1))
+      throw_invalid("packing.slack", slack, "a number in [0, 1)");
+    require_non_negative("packing.relief", relief);
+  }
+  /// Share of overpacking that one step takes back. δt: s, gravity: m/s², spacing h: m.
+  double relief_share(double time_step, double gravity, double spacing) const {
+    return std::min(1.0, relief * time_step * std::sqrt(gravity / spacing));
+  }
+  /// By how much a node may (> 0) or must (< 0) change its volume in this step. room: v_i − Σ V_p
+  /// N_i, m^d; volume: v_i, m^d.
+  double room(double room, double volume, double share) const {
+    return room > 0 ? std::max(0.0, room - slack * volume)
+                    : std::min(0.0, room + slack * volume) * share;
+  }
+};
+
 /// Wall-clock seconds of one step, by phase.
 struct PhaseSeconds {
   double to_grid = 0;  ///< sorting, particles to grid
@@ -81,7 +107,8 @@ class Simulation {
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
     double min_relative_mass = 1e-9; ///< nodes below this share of the dense mass carry no stress
-    int threads = 1;                 ///< the result does not depend on it
+    Packing packing{};
+    int threads = 1; ///< the result does not depend on it
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
@@ -94,6 +121,7 @@ class Simulation {
     require_positive("material.density", params_.material.density);
     require_positive("time_step", params_.time_step);
     require_positive("min_relative_mass", params_.min_relative_mass);
+    params_.packing.validate();
     for (int a = 0; a < Dim; ++a)
       require_finite("gravity", params_.gravity[a]);
     if (params_.threads < 1)
@@ -273,6 +301,8 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
+    relief_share_ = params_.packing.relief_share(params_.time_step, params_.gravity.norm(),
+                                                 grid_.spacing().minCoeff());
     parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::ptrdiff_t i = begin; i < end; ++i)
@@ -291,8 +321,9 @@ class Simulation {
     });
     problem_.volume[i] = grid_.node_volume(index);
     problem_.stress[i] = node_stress_[j];
-    // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left; overpacked nodes have none.
-    const double room = std::max(0.0, problem_.volume[i] - material_volume_[j]);
+    // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
+    const double room = params_.packing.room(problem_.volume[i] - material_volume_[j],
+                                             problem_.volume[i], relief_share_);
     problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * params_.time_step));
     problem_.friction[i] = cone_friction<Dim>(friction(i, j, index));
   }
@@ -489,6 +520,7 @@ class Simulation {
   Particles<Dim> particles_;
   double time_ = 0;
   std::size_t steps_ = 0;
+  double relief_share_ = 0; ///< of overpacking, in this step
 
   // Workspace, and what one step leaves for the next.
   CellOrder<Dim> order_;

@@ -55,7 +55,7 @@ struct DualProblem {
   // One entry a cone, in the order of the blocks.
   std::vector<int> node;               ///< node number
   std::vector<Coupling<Dim>> coupling; ///< g_ij, m^(d-1)
-  std::vector<double> void_rate;       ///< normal component of k_i, m^d/s; ≥ 0
+  std::vector<double> void_rate;       ///< normal component of k_i, m^d/s; < 0: overpacked
   std::vector<double> friction;        ///< μ̃_i = sqrt(2/d) μ_i
   std::vector<double> volume;          ///< v_i, m^d
   std::vector<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown

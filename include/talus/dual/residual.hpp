@@ -95,6 +95,8 @@ class ResidualMeter {
       if (error == 0)
         return {};
       const double scale = std::max(energy, least);
+      if (scale == 0) // nothing to compare with, and not solved
+        return {1, 1};
       return {std::sqrt(error / scale), std::sqrt(worst / (scale / count))};
     }
   };

@@ -339,8 +339,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     in.raw(problem.friction[i]);
     in.raw(problem.volume[i]);
     in.raw(problem.stress[i]);
-    if (!(problem.void_rate[i] >= 0 && problem.friction[i] >= 0 && problem.volume[i] > 0))
-      in.fail("cone " + std::to_string(i) + " has a negative void rate, friction or volume");
+    if (!(problem.friction[i] >= 0 && problem.volume[i] > 0))
+      in.fail("cone " + std::to_string(i) + " has a negative friction or volume");
   }
   assign_blocks(BlockOrder<Dim>(grid), problem);
   if (problem.blocks.empty() ? cones > 0 : problem.blocks.back().cone_end != cones)
