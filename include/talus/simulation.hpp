@@ -40,7 +40,7 @@ struct Material {
 /// volume on coarse grids, and a bed with jittered positions never rests.
 struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
-  double relief = 0.5; ///< rate at which more overpacking is taken back, in units of sqrt(|g|/h)
+  double relief = 1;   ///< rate at which more overpacking is taken back, in units of sqrt(|g|/h)
 
   /// Throws std::invalid_argument if a parameter is out of range.
   void validate() const {
