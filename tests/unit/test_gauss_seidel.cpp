@@ -6,6 +6,7 @@
 #include "talus/cone/projection_step.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/dual/operator.hpp"
+#include "talus/io/problem_file.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
@@ -130,6 +131,24 @@ TEST_CASE("Gauss-Seidel: a warm start at the solution needs no sweep") {
   const SolveReport report = S(params).solve(problem, workspace, 1);
   CHECK(report.iterations == 0);
   CHECK(report.status == SolveStatus::converged);
+}
+
+TEST_CASE("Gauss-Seidel: the velocities it leaves are those of its stresses and impulses") {
+  using S = GaussSeidel<>;
+  auto sim = small_pile<3, S>(1e-6, 0.44);
+  static_cast<void>(sim.step().completed());
+  DualProblem<3> before, after;
+  CHECK(sim.step([&](const DualProblem<3>& problem) { before = problem; }).solve.iterations > 20);
+  after = sim.problem();
+  remove_impulses(before);
+  remove_impulses(after);
+  double difference = 0, size = 0;
+  for (std::size_t j = 0; j < after.velocity.size(); ++j) {
+    difference = std::max(difference, (after.velocity[j] - before.velocity[j]).norm());
+    size = std::max(size, before.velocity[j].norm());
+  }
+  CHECK(size > 0);
+  CHECK(difference < 1e-11 * size);
 }
 
 TEST_CASE("Gauss-Seidel says when it stops early") {
