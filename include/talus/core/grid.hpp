@@ -70,12 +70,12 @@ class Grid {
   Vec<Dim> upper() const { return origin_ + size_; }
   const Vec<Dim>& spacing() const { return spacing_; } ///< edge lengths of a cell, m
   const Vec<Dim>& inverse_spacing() const { return inverse_spacing_; }
-  int cells(int axis) const { return cells_[static_cast<std::size_t>(axis)]; }
+  int cells(int axis) const { return cells_[axis]; }
   double cell_volume() const { return spacing_.prod(); }
   int cell_count() const { return cell_count_; }
   int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
 
-  int node_stride(int axis) const { return node_stride_[static_cast<std::size_t>(axis)]; }
+  int node_stride(int axis) const { return node_stride_[axis]; }
 
   /// Number of the node with coordinates 0..cells(a) on each axis (-1 and cells(a)+1: ghosts).
   int node(const Index<Dim>& index) const {
