@@ -119,7 +119,7 @@ void run_file(const Options& options, const std::string& file, json& results) {
   if (!options.matrix_market.empty())
     write_matrix_market<Dim>(options.matrix_market, problem);
   if (options.cold)
-    remove_impulses(problem);
+    remove_impulses(problem, Stencil<Dim>(problem.grid));
   for (const auto& [name, solve] : solvers<Dim>()) {
     if (!options.solvers.empty() &&
         std::ranges::find(options.solvers, name) == options.solvers.end())

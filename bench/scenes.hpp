@@ -7,7 +7,7 @@
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/transfer/schemes.hpp"
 
-#include <vector>
+#include "../tests/support/collapse.hpp"
 
 /// The scenes that the benchmarks measure on.
 namespace scenes {
@@ -19,30 +19,17 @@ using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::
 /// 1.66 ms, all divided by `finer`.
 template <int Dim>
 Sim<Dim> collapse_b15(double finer, double tolerance, int per_axis = 3) {
-  talus::CollapseSetup setup;
-  setup.inclination_deg = 15;
-  setup.column_length = 0.22;
-  setup.column_height = 0.11;
-  setup.bed_depth = 0.02;
-  setup.length = 1.52;
-  setup.width = 0.06;
-  setup.height = 0.15;
-  setup.wall_friction = setup.gate_friction = 0.23;
-  typename Sim<Dim>::Params params;
-  params.grid = setup.grid<Dim>({0.02 / finer, 0.02 / finer, 0.01 / finer});
-  params.material.density = 1470;
-  params.gravity = setup.gravity_vector<Dim>();
-  params.time_step = 1.66e-3 / finer;
-  params.rheology.mu = 0.44;
-  params.faces = setup.faces<Dim>();
+  const talus::CollapseSetup setup = support::b15();
+  auto params = support::collapse_params<Sim<Dim>>(setup, talus::Vec<3>(0.02, 0.02, 0.01) / finer,
+                                                   1.66e-3 / finer);
   params.solver.tolerance = tolerance;
-  params.obstacles.push_back(setup.make_gate<Dim>());
   return Sim<Dim>(params,
                   setup.particles<Dim>(talus::Grid<Dim>(params.grid), {.per_axis = per_axis}));
 }
 
 /// A bed 0.1 m deep between slipping ends on a sticking floor, inclined by angle_deg.
-inline Sim<2> bed(double angle_deg, double mu, double tolerance) {
+inline Sim<2> bed(double angle_deg, double mu, double tolerance, double jitter = 0,
+                  const talus::Packing& packing = {}) {
   talus::CollapseSetup setup; // an inclined box with a bed and no column
   setup.inclination_deg = angle_deg;
   Sim<2>::Params params;
@@ -56,9 +43,10 @@ inline Sim<2> bed(double angle_deg, double mu, double tolerance) {
   params.faces.upper[1].kind = talus::FaceKind::free;
   params.solver.tolerance = tolerance;
   params.solver.max_sweeps = 20000;
+  params.packing = packing;
   talus::Particles<2> particles;
   talus::fill_box<2>(particles, talus::Grid<2>(params.grid), {0, 0}, {1, 0.1},
-                     {.per_axis = 3, .jitter = 0});
+                     {.per_axis = 3, .jitter = jitter});
   return Sim<2>(params, particles);
 }
 

@@ -305,6 +305,10 @@ int run(const Options& options, const Case& collapse) {
   else if (status == "completed" && !options.end_time && !rest.at_rest())
     status = "not at rest after " + std::to_string(options.max_time) + " s";
   progress.finish(status);
+  for (const std::size_t number : options.record_problems)
+    if (number > sim.steps())
+      std::fprintf(stderr, "--record-problem %zu: the run ended after %zu steps\n", number,
+                   sim.steps());
   front.close();
   profiles.close();
   sections.close();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Free fall, rotation, sliding, the gate, and runs that must be the same.
 
+#include "../support/collapse.hpp"
 #include "scenes.hpp"
 
 #include "talus/boundary/gate.hpp"
@@ -139,13 +140,7 @@ CollapseSetup small_collapse() {
 
 template <int Dim>
 scenes::Sim<Dim> make_collapse(const CollapseSetup& setup, int threads = 1) {
-  typename scenes::Sim<Dim>::Params params;
-  params.grid = setup.grid<Dim>({0.02, 0.02, 0.01});
-  params.material.density = 1500;
-  params.gravity = setup.gravity_vector<Dim>();
-  params.time_step = 1e-3;
-  params.faces = setup.faces<Dim>();
-  params.obstacles.push_back(setup.make_gate<Dim>());
+  auto params = support::collapse_params<scenes::Sim<Dim>>(setup, {0.02, 0.02, 0.01}, 1e-3);
   params.threads = threads;
   return scenes::Sim<Dim>(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 2}));
 }
@@ -231,16 +226,24 @@ TEST_CASE("an open gate lets the column go, and the front advances") {
   CHECK(front_position(measure_profile(sim), 0.022) > 0.16);
 }
 
-TEST_CASE("taking overpacking back keeps the volume, and its motion dies out") {
-  const auto loss = [](Packing packing, double& last_speed) {
-    CollapseSetup setup = small_collapse();
-    typename scenes::Sim<2>::Params params;
-    params.grid = setup.grid<2>({0.01, 0.01, 0.005});
-    params.material.density = 1500;
-    params.gravity = setup.gravity_vector<2>();
-    params.time_step = 1e-3;
-    params.faces = setup.faces<2>();
-    params.obstacles.push_back(setup.make_gate<2>());
+TEST_CASE("a heap on a rough floor slumps, and every step converges") {
+  // The README's first program: at t = 0.048 s extrapolation once went round in circles.
+  auto params = scenes::box<2>({0.6, 0.1, 0.2}, {60, 1, 20}, 0, 0.44);
+  params.faces = {};
+  params.faces.lower[1] = {FaceKind::stick};
+  params.faces.upper[1] = {FaceKind::free};
+  params.solver.max_sweeps = 2000;
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {.per_axis = 3});
+  scenes::Sim<2> sim(params, sand);
+  while (sim.time() < 0.2)
+    CHECK(sim.step().solve.status == SolveStatus::converged);
+}
+
+TEST_CASE("taking overpacking back keeps the volume") {
+  const auto loss = [](const Packing& packing) {
+    const CollapseSetup setup = small_collapse();
+    auto params = support::collapse_params<scenes::Sim<2>>(setup, {0.01, 0.01, 0.005}, 1e-3);
     params.packing = packing;
     const auto particles = setup.particles<2>(Grid<2>(params.grid), {.per_axis = 3});
     double volume = 0;
@@ -249,15 +252,10 @@ TEST_CASE("taking overpacking back keeps the volume, and its motion dies out") {
     scenes::Sim<2> sim(params, particles);
     while (sim.time() < 2)
       CHECK(sim.step().completed());
-    last_speed = largest_speed(sim);
     return 1 - volume_under_surface(sim) / volume;
   };
-  double speed = 0;
-  const double plain = loss({.slack = 0, .relief = 0}, speed);
-  const double relieved = loss({}, speed);
-  CHECK(plain > 0.01);
-  CHECK(std::abs(relieved) < 0.005);
-  CHECK(speed < 5e-3);
+  CHECK(loss({.slack = 0, .relief = 0}) > 0.01);
+  CHECK(std::abs(loss({})) < 0.005);
 }
 
 TEST_CASE("two runs are the same to the last bit, with any number of threads") {
@@ -268,23 +266,8 @@ TEST_CASE("two runs are the same to the last bit, with any number of threads") {
 }
 
 TEST_CASE("200 steps of B15 are the same to the last bit with 1, 2 and 4 threads") {
-  CollapseSetup setup; // as in examples/cases/B15.toml, coarse
-  setup.inclination_deg = 15;
-  setup.column_length = 0.22;
-  setup.column_height = 0.11;
-  setup.bed_depth = 0.02;
-  setup.length = 1.52;
-  setup.width = 0.06;
-  setup.height = 0.15;
-  setup.wall_friction = setup.gate_friction = 0.23;
-  scenes::Sim<3>::Params params;
-  params.grid = setup.grid<3>({0.02, 0.02, 0.01});
-  params.material.density = 1470;
-  params.gravity = setup.gravity_vector<3>();
-  params.time_step = 1.66e-3;
-  params.rheology.mu = 0.44;
-  params.faces = setup.faces<3>();
-  params.obstacles.push_back(setup.make_gate<3>());
+  const CollapseSetup setup = support::b15();
+  auto params = support::collapse_params<scenes::Sim<3>>(setup, {0.02, 0.02, 0.01}, 1.66e-3);
   const auto particles = setup.particles<3>(Grid<3>(params.grid), {.per_axis = 3});
   std::string first;
   for (const int threads : {1, 2, 4}) {

@@ -92,3 +92,22 @@ TEST_CASE("a bed rests below the friction angle, 23.75 degrees, and flows above 
   CHECK(speed_of_tilted_bed<3>(15, 0.1) < 1e-3);
   CHECK(speed_of_tilted_bed<3>(30, 0.1) > 0.02);
 }
+
+TEST_CASE("a bed of jittered particles comes to rest, which it does not without slack") {
+  const auto speed = [](const Packing& packing) {
+    auto params = scenes::box<2>({1, 0.1, 0.2}, {50, 1, 20}, 15, 0.44);
+    params.packing = packing;
+    Particles<2> particles;
+    fill_box<2>(particles, Grid<2>(params.grid), {0, 0}, {1, 0.1}, {.per_axis = 3, .jitter = 0.5});
+    scenes::Sim<2> sim(params, particles);
+    double fastest = 0;
+    while (sim.time() < 1.5) {
+      CHECK(sim.step().completed());
+      if (sim.time() > 1)
+        fastest = std::max(fastest, largest_speed(sim));
+    }
+    return fastest;
+  };
+  CHECK(speed({}) < 2e-4);
+  CHECK(speed({.slack = 0, .relief = 0}) > 4e-4);
+}

@@ -9,8 +9,8 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
-#include <functional>
 #include <string>
+#include <vector>
 
 using namespace talus;
 
@@ -52,8 +52,10 @@ struct Scene {
   }
 };
 
+/// `may_miss`: the tolerance may be out of reach in 2000 sweeps; then the report says so.
 template <int Dim>
-void holds(const std::string& what, const Scene<Dim>& scene, int steps = 20) {
+void holds(const std::string& what, const Scene<Dim>& scene, int steps = 20,
+           bool may_miss = false) {
   CAPTURE(Dim);
   CAPTURE(what);
   Sim<Dim> sim(scene.params, scene.particles);
@@ -61,9 +63,19 @@ void holds(const std::string& what, const Scene<Dim>& scene, int steps = 20) {
     const StepReport report = sim.step();
     CAPTURE(n);
     REQUIRE(report.completed());
-    CHECK(report.solve.residual.finite());
-    CHECK((report.solve.status == SolveStatus::converged) ==
-          (report.solve.residual.l2 <= scene.params.solver.tolerance));
+    // the report is of the state that was left, not of an earlier one
+    const DualProblem<Dim>& problem = sim.problem();
+    const Stencil<Dim> stencil(problem.grid);
+    std::vector<double> inverse_scale;
+    for (std::size_t i = 0; i < problem.cones(); ++i) {
+      const double trace = diagonal_block(problem, stencil, i).trace();
+      inverse_scale.push_back(trace > 0 ? symmetric_size<Dim> / trace : 0);
+    }
+    const Residual left = ResidualMeter<Dim>()(problem, stencil, inverse_scale, 1);
+    CHECK(report.solve.residual.l2 == doctest::Approx(left.l2));
+    const bool good = left.l2 <= scene.params.solver.tolerance;
+    CHECK((report.solve.status == SolveStatus::converged) == good);
+    CHECK((good || may_miss));
     for (const auto& v : sim.particles().velocity)
       REQUIRE(v.norm() < 10 * scene.params.grid.size[0]);
     for (const auto& lambda : sim.problem().stress)
@@ -86,12 +98,12 @@ void all_hold() {
   {
     Scene<Dim> s(1);
     s.fill(0.1);
-    holds("one cell, all faces", s);
+    holds("one cell, all faces", s, 20, true);
   }
   {
     Scene<Dim> s;
     s.add(0, cell), s.add(0.3, cell), s.add(0.1, cell);
-    holds("in corners and on a node", s);
+    holds("in corners and on a node", s, 20, true);
   }
   {
     Scene<Dim> s;
@@ -103,7 +115,7 @@ void all_hold() {
     Scene<Dim> s;
     s.params.rheology.mu = mu;
     s.fill(0.2);
-    holds("friction " + std::to_string(mu), s);
+    holds("friction " + std::to_string(mu), s, 20, mu > 1);
   }
   {
     Scene<Dim> s;

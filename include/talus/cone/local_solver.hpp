@@ -21,6 +21,14 @@ struct LocalReport {
   double residual = 0; ///< of the solver's own stopping test, dimensionless; 0 for closed forms
 };
 
+/// What LocalSolver and LocalStep have in common: Params, Prepared and prepare.
+template <class S, class Law, int N>
+concept PreparesCone = std::constructible_from<S, const typename S::Params&> &&
+    std::default_initializable<typename S::template Prepared<Law, N>> &&
+    requires(const S s, const Mat<N> w) {
+  { s.prepare(Law{}, w, 0.5) } -> std::same_as<typename S::template Prepared<Law, N>>;
+};
+
 /// A solver of one cone: find λ with γ = W λ + b and (γ, λ) in Law. A model S has
 ///   - `S::Params`, an aggregate that S is constructible from;
 ///   - `S::Prepared<Law, N>`, default constructible: all that can be worked out from W and μ alone,
@@ -33,11 +41,9 @@ struct LocalReport {
 /// QuarticSolver and HybridSolver (size 3), ContactSolver (isotropic W), ProjectionSolver. Which
 /// when, and how to write one: docs/local_solvers.md.
 template <class S, class Law, int N>
-concept LocalSolver = std::constructible_from<S, const typename S::Params&> &&
-    std::default_initializable<typename S::template Prepared<Law, N>> &&
-    requires(const S s, const Mat<N> w, const typename S::template Prepared<Law, N> prepared,
-             const Vec<N> b, Vec<N>& lambda) {
-  { s.prepare(Law{}, w, 0.5) } -> std::same_as<typename S::template Prepared<Law, N>>;
+concept LocalSolver = PreparesCone<S, Law, N> &&
+    requires(const S s, const typename S::template Prepared<Law, N> prepared, const Vec<N> b,
+             Vec<N>& lambda) {
   { s.solve(prepared, b, lambda) }
   noexcept->std::same_as<LocalReport>;
 };
@@ -49,11 +55,9 @@ concept LocalSolver = std::constructible_from<S, const typename S::Params&> &&
 ///     leaves λ as it is if and only if that is the solution.
 /// Model: ProjectionStep.
 template <class S, class Law, int N>
-concept LocalStep = std::constructible_from<S, const typename S::Params&> &&
-    std::default_initializable<typename S::template Prepared<Law, N>> &&
-    requires(const S s, const Mat<N> w, const typename S::template Prepared<Law, N> prepared,
-             const Vec<N> gamma, Vec<N>& lambda) {
-  { s.prepare(Law{}, w, 0.5) } -> std::same_as<typename S::template Prepared<Law, N>>;
+concept LocalStep = PreparesCone<S, Law, N> &&
+    requires(const S s, const typename S::template Prepared<Law, N> prepared, const Vec<N> gamma,
+             Vec<N>& lambda) {
   { s.step(prepared, gamma, lambda) }
   noexcept;
 };

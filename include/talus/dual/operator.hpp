@@ -133,4 +133,20 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
   }
 }
 
+/// Takes all stresses and impulses out of the velocities and sets them to zero: from u to u_free, a
+/// cold start.
+template <int Dim>
+void remove_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
+  for (std::size_t i = 0; i < problem.cones(); ++i) {
+    apply_stress(problem, stencil, i, Vec<symmetric_size<Dim>>(-problem.stress[i]));
+    problem.stress[i].setZero();
+  }
+  for (Contact<Dim>& contact : problem.contacts) {
+    const std::size_t j = static_cast<std::size_t>(contact.node);
+    problem.velocity[j].template head<Dim>() -=
+        problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+    contact.impulse.setZero();
+  }
+}
+
 } // namespace talus

@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/grid.hpp"
+#include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
+#include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
-#include "talus/dual/residual.hpp"
-#include "talus/io/problem_file.hpp"
+#include "talus/io/atomic_file.hpp"
+#include "talus/io/bytes.hpp"
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -33,7 +37,7 @@ template <int Dim>
 void write_matrix_market(const std::filesystem::path& folder, const DualProblem<Dim>& original) {
   constexpr int s = symmetric_size<Dim>;
   DualProblem<Dim> problem = original;
-  remove_impulses(problem);
+  remove_impulses(problem, Stencil<Dim>(problem.grid));
 
   // Numbers the unknowns: components of velocities that can change.
   std::vector<std::array<std::size_t, Dim>> unknown(problem.velocity.size());

@@ -1,179 +1,30 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/coloring.hpp"
-#include "talus/dual/operator.hpp"
+#include "talus/dual/contact_law.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/io/atomic_file.hpp"
+#include "talus/io/bytes.hpp"
 
-#include <Eigen/Geometry>
-
-#include <algorithm>
-#include <bit>
-#include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <system_error>
-#include <type_traits>
-#include <utility>
 #include <vector>
 
 /// \file
-/// Dual problems in files: saved from any step, read back to be solved by any solver, and exported
-/// as plain algebra for other programs. The format is described in docs/problem_files.md.
+/// Dual problems in files: saved from any step, read back to be solved by any solver. The format is
+/// described in docs/problem_files.md; matrix_market.hpp exports them as plain algebra.
 
 namespace talus {
 
 namespace detail {
-
-static_assert(std::endian::native == std::endian::little,
-              "talus: problem files are written on little-endian machines only");
-
-/// FNV-1a of bytes, 64 bits.
-inline std::uint64_t fingerprint(std::string_view bytes) {
-  std::uint64_t hash = 0xcbf29ce484222325U;
-  for (const char byte : bytes)
-    hash = (hash ^ static_cast<unsigned char>(byte)) * 0x100000001b3U;
-  return hash;
-}
-
-class ByteWriter {
- public:
-  void text(std::string_view text) { bytes_ += text; }
-  /// One header line: a key and numbers with the fewest digits that read back equal.
-  template <class... Numbers>
-  void line(std::string_view key, const Numbers&... values) {
-    bytes_ += key;
-    (number(values), ...);
-    bytes_ += '\n';
-  }
-  template <class Number>
-  void number(const Number& value) {
-    char digits[32];
-    const auto end = std::to_chars(digits, digits + sizeof digits, value).ptr;
-    bytes_ += ' ';
-    bytes_.append(digits, end);
-  }
-  template <class Number>
-  requires std::is_arithmetic_v<Number>
-  void raw(const Number& value) {
-    char buffer[sizeof value];
-    std::memcpy(buffer, &value, sizeof value);
-    bytes_.append(buffer, sizeof value);
-  }
-  template <class Derived>
-  void raw(const Eigen::DenseBase<Derived>& values) {
-    for (Eigen::Index c = 0; c < values.cols(); ++c)
-      for (Eigen::Index r = 0; r < values.rows(); ++r)
-        raw(static_cast<double>(values(r, c)));
-  }
-  std::string& bytes() { return bytes_; }
-
- private:
-  std::string bytes_;
-};
-
-/// Reads what ByteWriter wrote; every departure from it is a std::runtime_error that names the
-/// file.
-class ByteReader {
- public:
-  explicit ByteReader(const std::filesystem::path& path) : path_(path) {
-    std::error_code error;
-    if (std::filesystem::is_directory(path, error))
-      fail("it is a folder");
-    std::ifstream file(path, std::ios::binary);
-    if (!file)
-      fail(std::generic_category().message(errno));
-    bytes_.assign(std::istreambuf_iterator<char>(file), {});
-    rest_ = bytes_;
-  }
-
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw std::runtime_error("cannot read " + path_.string() + ": " + reason);
-  }
-
-  /// Takes the fingerprint off the end and compares it.
-  void check_fingerprint() {
-    if (rest_.size() < sizeof(std::uint64_t))
-      fail("it is truncated");
-    std::uint64_t stored;
-    const std::size_t payload = rest_.size() - sizeof stored;
-    std::memcpy(&stored, rest_.data() + payload, sizeof stored);
-    rest_.remove_suffix(sizeof stored);
-    if (fingerprint(std::string_view(bytes_).substr(0, bytes_.size() - sizeof stored)) != stored)
-      fail("its checksum does not fit: it is damaged or truncated");
-  }
-
-  /// The rest of the header line that must begin with `key`.
-  std::string_view line(std::string_view key) {
-    const std::size_t end = rest_.find('\n');
-    if (end == std::string_view::npos || end > 1000)
-      fail("the line \"" + std::string(key) + "\" is missing");
-    std::string_view line = rest_.substr(0, end);
-    if (!line.starts_with(key))
-      fail("the line \"" + std::string(key) + "\" is missing");
-    line.remove_prefix(key.size());
-    rest_.remove_prefix(end + 1);
-    return line;
-  }
-  template <class... Numbers>
-  void line(std::string_view key, Numbers&... values) {
-    std::string_view text = line(key);
-    const auto take = [&](auto& value) {
-      if (text.starts_with(' '))
-        text.remove_prefix(1);
-      const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-      if (result.ec != std::errc())
-        fail("a number is missing in the line \"" + std::string(key) + "\"");
-      text.remove_prefix(static_cast<std::size_t>(result.ptr - text.data()));
-    };
-    (take(values), ...);
-    if (!text.empty())
-      fail("more than expected in the line \"" + std::string(key) + "\"");
-  }
-
-  /// Refuses what the rest of the file cannot hold, before memory is asked for.
-  void need(std::size_t items, std::size_t bytes_each) const {
-    if (items > rest_.size() / bytes_each)
-      fail("it is truncated");
-  }
-  template <class Number>
-  requires std::is_arithmetic_v<Number>
-  void raw(Number& value) {
-    need(1, sizeof value);
-    std::memcpy(&value, rest_.data(), sizeof value);
-    rest_.remove_prefix(sizeof value);
-    if constexpr (std::is_floating_point_v<Number>)
-      if (!std::isfinite(value))
-        fail("a number is not finite");
-  }
-  template <class Derived>
-  void raw(Eigen::DenseBase<Derived>& values) {
-    for (Eigen::Index c = 0; c < values.cols(); ++c)
-      for (Eigen::Index r = 0; r < values.rows(); ++r)
-        raw(values(r, c));
-  }
-  bool at_end() const { return rest_.empty(); }
-
- private:
-  std::filesystem::path path_;
-  std::string bytes_;
-  std::string_view rest_;
-};
 
 template <int Dim>
 Contact<Dim> read_contact(ByteReader& reader) {
@@ -240,7 +91,7 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
     out.raw(contact.friction);
     out.raw(contact.impulse);
   }
-  out.raw(detail::fingerprint(out.bytes()));
+  out.seal();
   AtomicFile file(path);
   file.write(out.bytes());
   file.commit();
@@ -367,22 +218,6 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   if (!in.at_end())
     in.fail("it is longer than it says");
   return problem;
-}
-
-/// Takes all stresses and impulses out of the velocities and sets them to zero: a cold start.
-template <int Dim>
-void remove_impulses(DualProblem<Dim>& problem) {
-  const Stencil<Dim> stencil(problem.grid);
-  for (std::size_t i = 0; i < problem.cones(); ++i) {
-    apply_stress(problem, stencil, i, Vec<symmetric_size<Dim>>(-problem.stress[i]));
-    problem.stress[i].setZero();
-  }
-  for (Contact<Dim>& contact : problem.contacts) {
-    const std::size_t j = static_cast<std::size_t>(contact.node);
-    problem.velocity[j].template head<Dim>() -=
-        problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
-    contact.impulse.setZero();
-  }
 }
 
 } // namespace talus

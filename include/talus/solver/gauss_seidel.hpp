@@ -34,9 +34,8 @@ namespace talus {
 /// Local says how a visit improves the cone: ProjectionStep (default) goes one step, SecularSolver
 /// and the other models of LocalSolver go all the way. Law says to which local problem:
 ///   - AssociatedLaw (default): the de Saxcé term s_i = μ̃ |γ_T| is taken from the latest velocities
-///     and frozen during the local solve, which then is convex. Converges where the other cycles.
-///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (with momentum 0). In
-///     3-D it may enter a limit cycle for μ above about 0.4, which the report shows; kept for
+///     and frozen during the local solve, which then is convex.
+///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (with momentum 0), for
 ///     comparison.
 /// Both have the same solutions.
 template <class Local = ProjectionStep, class Law = AssociatedLaw>
@@ -141,7 +140,7 @@ class GaussSeidel {
       last_change_ = change;
       least_ = std::min(least_, change);
       if (++sweeps_ % 64 == 0) {
-        if (least_ > least_before_) // going round in circles
+        if (least_ > 0.99 * least_before_) // going round in circles
           largest_ = std::max(0.0, largest_ - 0.1);
         least_before_ = least_;
         least_ = infinity;
