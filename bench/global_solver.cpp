@@ -158,14 +158,9 @@ int main(int argc, char** argv) {
       ->check(CLI::ExistingFile);
   app.add_option("--solver", options.solvers, "Solvers (default: all)")
       ->check(CLI::IsMember(names));
-  app.add_option("--tol", options.tolerance, "l2 residual to reach")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--max-sweeps", options.max_sweeps, "Most sweeps")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  app.add_option("--tol", options.tolerance, "l2 residual to reach")->capture_default_str();
+  app.add_option("--max-sweeps", options.max_sweeps, "Most sweeps")->capture_default_str();
   app.add_option("--repetitions", options.repetitions, "Solves, of which the fastest counts")
-      ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app.add_option("--threads", options.threads, "Threads")
       ->check(CLI::Range(1, 1024))
@@ -175,8 +170,10 @@ int main(int argc, char** argv) {
   app.add_flag("--json", options.as_json, "Print JSON");
   app.add_option("--matrix-market", options.matrix_market,
                  "Also write the problem's plain algebra into this folder");
-  CLI11_PARSE(app, argc, argv);
   try {
+    app.parse(argc, argv);
+    if (options.repetitions < 1)
+      throw_invalid("--repetitions", options.repetitions, "an integer >= 1");
     json results = json::array();
     for (const std::string& file : options.problems) {
       if (problem_dimension(file) == 2)
@@ -186,6 +183,11 @@ int main(int argc, char** argv) {
     }
     if (options.as_json)
       std::printf("%s\n", results.dump(1).c_str());
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : 2;
+  } catch (const std::invalid_argument& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

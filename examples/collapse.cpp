@@ -408,6 +408,9 @@ int run_collapse(Options options) {
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
     talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
   talus::require_positive("--max-time", options.max_time);
+  for (const std::size_t number : options.record_problems)
+    if (number < 1)
+      talus::throw_invalid("--record-problem", number, "the number of a step, >= 1");
   const Case collapse = load_case(options);
   using talus::CoulombLaw, talus::GaussSeidel, talus::SecularSolver, talus::FischerBurmeisterNewton;
   if (options.solver == "gauss-seidel")
@@ -483,10 +486,9 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"all", "last", "none"}))
       ->capture_default_str();
   app.add_option(
-         "--record-problem", options.record_problems,
-         "Save the dual problem of step N (1 is the first) as problem_N.talus; may be given "
-         "more than once")
-      ->check(CLI::PositiveNumber);
+      "--record-problem", options.record_problems,
+      "Save the dual problem of step N (1 is the first) as problem_N.talus; may be given "
+      "more than once");
   support::add_common_options(app, options.common, "out/collapse");
   return support::run_program(app, argc, argv, [&] { return run_collapse(options); });
 }
