@@ -16,7 +16,7 @@
 #include "talus/solver/solver.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
-#include "talus/transfer/multilinear.hpp"
+#include "talus/transfer/grid_to_particles.hpp"
 #include "talus/transfer/transfer_scheme.hpp"
 
 #include <algorithm>
@@ -24,6 +24,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -224,7 +225,6 @@ class Simulation {
   using Clock = std::chrono::steady_clock;
   using Wide = NodeVec<Dim>;
   static constexpr int cone_size = symmetric_size<Dim>;
-  static constexpr int corners = Grid<Dim>::corners;
 
   static double seconds(Clock::time_point from, Clock::time_point to) {
     return std::chrono::duration<double>(to - from).count();
@@ -251,7 +251,7 @@ class Simulation {
 
   /// m_i, u*_i and φ_i from the particles.
   void particles_to_grid() {
-    order_.sort(particles_, grid_, params_.threads);
+    order_.update(particles_, grid_, params_.threads);
     all_cell_moments(particles_, order_, grid_, TransferT::affine, params_.threads, moments_);
     const std::vector<int>& nodes = node_order_.nodes();
     parallel_chunks(
@@ -443,46 +443,17 @@ class Simulation {
 
   /// v_p, C_p and x_p from the grid's new velocities.
   void grid_to_particles() {
-    parallel_chunks(params_.threads, grid_.cell_count(), 16,
-                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                      for (int c = static_cast<int>(begin); c < end; ++c)
-                        if (!order_.empty(c))
-                          update_cell(c);
-                    });
-  }
-
-  void update_cell(int cell_number) {
-    const Index<Dim> cell = grid_.cell_index(cell_number);
-    const int first = grid_.first_node(cell);
-    std::array<Vec<Dim>, static_cast<std::size_t>(corners)> u, before;
-    for (int c = 0; c < corners; ++c) {
-      const std::size_t j = static_cast<std::size_t>(first + grid_.corner_offset(c));
-      u[static_cast<std::size_t>(c)] = problem_.velocity[j].template head<Dim>();
-      before[static_cast<std::size_t>(c)] = velocity_before_[j].template head<Dim>();
+    // A wall lets nothing through, not even what a contact's residual would.
+    Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
+    for (int a = 0; a < Dim; ++a) {
+      const std::size_t s = static_cast<std::size_t>(a);
+      if (params_.faces.lower[s].kind == FaceKind::free)
+        lower[a] = -std::numeric_limits<double>::infinity();
+      if (params_.faces.upper[s].kind == FaceKind::free)
+        upper[a] = std::numeric_limits<double>::infinity();
     }
-    const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
-    for (std::size_t p = order_.begin(cell_number); p < order_.begin(cell_number + 1); ++p) {
-      Vec<Dim>& x = particles_.position[p];
-      const Vec<Dim> xi = grid_.local(x, cell);
-      const auto n = Multilinear<Dim>::values(xi);
-      const auto dn = Multilinear<Dim>::gradients(xi, grid_.inverse_spacing());
-      GridSample<Dim> sample{Vec<Dim>::Zero(), Vec<Dim>::Zero(), Mat<Dim>::Zero()};
-      for (std::size_t c = 0; c < static_cast<std::size_t>(corners); ++c) {
-        sample.velocity += n[c] * u[c];
-        sample.velocity_before += n[c] * before[c];
-        sample.gradient += u[c] * dn[c].transpose();
-      }
-      transfer_.update(sample, particles_.velocity[p], particles_.affine[p]);
-      x += params_.time_step * sample.velocity;
-      for (int a = 0; a < Dim; ++a) {
-        // A wall lets nothing through, not even what a contact's residual would.
-        const std::size_t s = static_cast<std::size_t>(a);
-        if (params_.faces.lower[s].kind != FaceKind::free)
-          x[a] = std::max(x[a], lower[a]);
-        if (params_.faces.upper[s].kind != FaceKind::free)
-          x[a] = std::min(x[a], upper[a]);
-      }
-    }
+    talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
+                             velocity_before_, params_.time_step, lower, upper, params_.threads);
   }
 
   /// Takes out the particles that passed a free face.

@@ -5,10 +5,15 @@
 #include "talus/scene/fill.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
-#include "talus/transfer/multilinear.hpp"
+#include "talus/transfer/grid_to_particles.hpp"
 #include "talus/transfer/schemes.hpp"
 
+#include "../support/multilinear.hpp"
+
 #include <doctest/doctest.h>
+
+#include <limits>
+#include <vector>
 
 using namespace talus;
 
@@ -17,7 +22,7 @@ namespace {
 template <int Dim>
 struct Cloud {
   Grid<Dim> grid;
-  Particles<Dim> particles;
+  Particles<Dim> particles, unordered;
   CellOrder<Dim> order;
   std::vector<CellMoments<Dim>> moments;
 
@@ -41,7 +46,8 @@ struct Cloud {
     }
     particles.position[0] = grid.upper(); // on faces and corners
     particles.position[1] = grid.origin();
-    order.sort(particles, grid, 1);
+    unordered = particles;
+    order.update(particles, grid, 1);
     all_cell_moments(particles, order, grid, affine, 1, moments);
   }
 
@@ -69,16 +75,53 @@ void for_each_node(const Grid<Dim>& grid, const Visit& visit) {
 }
 
 template <int Dim>
-void check_order() {
-  const Cloud<Dim> cloud(true);
-  std::vector<char> seen(cloud.particles.size(), 0);
-  for (int c = 0; c < cloud.grid.cell_count(); ++c)
-    for (std::size_t p = cloud.order.begin(c); p < cloud.order.begin(c + 1); ++p) {
-      CHECK(cloud.grid.cell(cloud.grid.cell_at(cloud.particles.position[p])) == c);
-      ++seen[cloud.particles.id[p]];
+void check_order(const CellOrder<Dim>& order, const Particles<Dim>& particles,
+                 const Grid<Dim>& grid) {
+  std::vector<char> seen(particles.size(), 0);
+  for (int c = 0; c < grid.cell_count(); ++c)
+    for (std::size_t k = order.begin(c); k < order.begin(c + 1); ++k) {
+      const std::size_t p = order.particle(k);
+      CHECK(grid.cell(grid.cell_at(particles.position[p])) == c);
+      ++seen[particles.id[p]];
     }
   for (const char count : seen)
     CHECK(count == 1);
+}
+
+/// In disorder, in order, and with one particle out of place; with one thread and with three.
+template <int Dim>
+void check_orders() {
+  Cloud<Dim> cloud(true);
+  const Particles<Dim>& initial = cloud.unordered;
+  const auto in_memory_order = [&] {
+    for (std::size_t k = 0; k < cloud.particles.size(); ++k)
+      if (cloud.order.particle(k) != k)
+        return false;
+    return true;
+  };
+  check_order(cloud.order, cloud.particles, cloud.grid);
+  CHECK(in_memory_order());
+  for (std::size_t p = 0; p < initial.size(); ++p) // a particle keeps all that is its own
+    for (std::size_t q = 0; q < initial.size(); ++q)
+      if (initial.id[p] == cloud.particles.id[q]) {
+        CHECK(initial.position[p] == cloud.particles.position[q]);
+        CHECK(initial.velocity[p] == cloud.particles.velocity[q]);
+        CHECK(initial.affine[p] == cloud.particles.affine[q]);
+        CHECK(initial.volume[p] == cloud.particles.volume[q]);
+      }
+
+  cloud.particles.position[0] = cloud.grid.upper();
+  const Particles<Dim> moved = cloud.particles;
+  cloud.order.update(cloud.particles, cloud.grid, 1);
+  check_order(cloud.order, cloud.particles, cloud.grid);
+  CHECK_FALSE(in_memory_order()); // not worth moving the others for
+  CHECK(cloud.particles.id == moved.id);
+
+  CellOrder<Dim> by_threads;
+  Particles<Dim> same = cloud.particles;
+  by_threads.update(same, cloud.grid, 3);
+  for (std::size_t k = 0; k < same.size(); ++k)
+    CHECK(by_threads.particle(k) == cloud.order.particle(k));
 }
 
 /// Volumes, momenta and g_ij against plain sums over the particles.
@@ -149,6 +192,57 @@ void check_momentum_kept() {
   CHECK((on_grid - on_particles).norm() < 1e-12 * volume);
 }
 
+/// Remembers all that the grid says, and moves nothing of it into v and C.
+struct Record {
+  struct Params {};
+  static constexpr bool affine = true;
+  Record() = default;
+  explicit Record(const Params&) {}
+  template <int Dim>
+  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>& c) const {
+    v = sample.velocity - sample.velocity_before;
+    c = sample.gradient;
+  }
+};
+
+/// Velocities, gradients and new positions against plain sums over the corners.
+template <int Dim>
+void check_samples() {
+  Cloud<Dim> cloud(true);
+  const Grid<Dim>& grid = cloud.grid;
+  Random random(11);
+  std::vector<Vec<Dim>> u(static_cast<std::size_t>(grid.node_count())), before(u.size());
+  for (std::size_t j = 0; j < u.size(); ++j)
+    for (int a = 0; a < Dim; ++a) {
+      u[j][a] = random.uniform() - 0.5;
+      before[j][a] = random.uniform() - 0.5;
+    }
+  const double dt = 0.1;
+  const Vec<Dim> lower = grid.origin(),
+                 upper = Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
+  Particles<Dim> after = cloud.particles;
+  grid_to_particles(after, cloud.order, grid, Record(), u, before, dt, lower, upper, 2);
+  for (std::size_t p = 0; p < after.size(); ++p) {
+    const Vec<Dim> x = cloud.particles.position[p];
+    const Index<Dim> cell = grid.cell_at(x);
+    const auto n = Multilinear<Dim>::values(grid.local(x, cell));
+    const auto dn = Multilinear<Dim>::gradients(grid.local(x, cell), grid.inverse_spacing());
+    Vec<Dim> now = Vec<Dim>::Zero(), then = Vec<Dim>::Zero();
+    Mat<Dim> gradient = Mat<Dim>::Zero();
+    for (int c = 0; c < Grid<Dim>::corners; ++c) {
+      const std::size_t s = static_cast<std::size_t>(c);
+      const std::size_t j = static_cast<std::size_t>(grid.first_node(cell) + grid.corner_offset(c));
+      now += n[s] * u[j];
+      then += n[s] * before[j];
+      gradient += u[j] * dn[s].transpose();
+    }
+    CHECK((after.velocity[p] - (now - then)).norm() < 1e-14);
+    CHECK((after.affine[p] - gradient).norm() < 1e-13);
+    CHECK((after.position[p] - (x + dt * now).cwiseMax(lower)).norm() < 1e-14);
+    CHECK((after.position[p].array() >= lower.array()).all());
+  }
+}
+
 /// APIC gives an affine velocity field to the grid exactly, and takes it back.
 template <int Dim>
 void check_affine() {
@@ -178,8 +272,8 @@ void check_affine() {
 } // namespace
 
 TEST_CASE("cell order: each particle once, in its own cell") {
-  check_order<2>();
-  check_order<3>();
+  check_orders<2>();
+  check_orders<3>();
 }
 
 TEST_CASE("moments give the same volumes, momenta and couplings as sums over particles") {
@@ -187,6 +281,11 @@ TEST_CASE("moments give the same volumes, momenta and couplings as sums over par
   check_sums<2>(false);
   check_sums<3>(true);
   check_sums<3>(false);
+}
+
+TEST_CASE("grid to particles gives the same samples as sums over corners") {
+  check_samples<2>();
+  check_samples<3>();
 }
 
 TEST_CASE("particles to grid keeps mass and momentum") {

@@ -4,7 +4,8 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/scene/fill.hpp"
-#include "talus/transfer/multilinear.hpp"
+
+#include "../support/multilinear.hpp"
 
 #include <doctest/doctest.h>
 

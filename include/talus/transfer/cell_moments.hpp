@@ -6,8 +6,9 @@
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_order.hpp"
-#include "talus/transfer/multilinear.hpp"
+#include "talus/transfer/particle_lanes.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <vector>
@@ -32,59 +33,142 @@ struct CellMoments {
   std::array<Vec<Dim>, static_cast<std::size_t>(ipow(2, Dim))> momentum{};
 };
 
-/// Sums the moments of the particles begin..end−1, all of them in `cell`.
-/// `affine`: do the particles carry C_p?
+/// Sums the moments of the particles of one cell, several side by side.
 template <int Dim>
-CellMoments<Dim> cell_moments(const Particles<Dim>& particles, std::size_t begin, std::size_t end,
-                              const Grid<Dim>& grid, const Index<Dim>& cell, bool affine) {
-  using G = Grid<Dim>;
-  CellMoments<Dim> m;
-  for (auto& v : m.momentum)
-    v.setZero();
-  for (std::size_t p = begin; p < end; ++p) {
-    const Vec<Dim> xi = grid.local(particles.position[p], cell);
-    const double volume = particles.volume[p];
+class CellMomentSum {
+ public:
+  /// Particles side by side. Lanes without a particle have no volume, and weigh nothing.
+  struct Pack {
+    ParticleLanes volume = ParticleLanes::Zero();
+    VecLanes<Dim> position = zero(), velocity = zero();
+    std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)> affine = zeros<dim>(); ///< columns
+  };
 
-    std::array<std::array<double, 3>, static_cast<std::size_t>(Dim)> bernstein;
-    for (int a = 0; a < Dim; ++a) {
-      const double l1 = xi[a], l0 = 1 - l1;
-      bernstein[static_cast<std::size_t>(a)] = {l0 * l0, l0 * l1, l1 * l1};
-    }
+  CellMomentSum(const Grid<Dim>& grid, int cell_number)
+      : grid_(grid), cell_(grid.cell_index(cell_number)) {}
+
+  void add(const Pack& pack) {
+    const VecLanes<Dim> xi = local_lanes<Dim>(grid_, cell_, pack.position);
+    std::array<std::array<ParticleLanes, 2>, dim> shape; // l_0, l_1
+    for (std::size_t a = 0; a < dim; ++a)
+      shape[a] = {1 - xi[a], xi[a]};
+    add_volume(pack.volume, shape);
+    add_momentum(pack, xi, shape);
+  }
+
+  CellMoments<Dim> total() const {
+    CellMoments<Dim> m;
+    for (std::size_t k = 0; k < volume_.size(); ++k)
+      m.volume[k] = sum_of(volume_[k]);
+    for (std::size_t c = 0; c < corners; ++c)
+      for (std::size_t a = 0; a < dim; ++a)
+        m.momentum[c][static_cast<Eigen::Index>(a)] = sum_of(momentum_[c][a]);
+    return m;
+  }
+
+ private:
+  static constexpr std::size_t dim = static_cast<std::size_t>(Dim);
+  static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
+
+  static VecLanes<Dim> zero() {
+    VecLanes<Dim> lanes;
+    lanes.fill(ParticleLanes::Zero());
+    return lanes;
+  }
+  template <std::size_t Count>
+  static std::array<VecLanes<Dim>, Count> zeros() {
+    std::array<VecLanes<Dim>, Count> lanes;
+    lanes.fill(zero());
+    return lanes;
+  }
+
+  void add_volume(const ParticleLanes& volume,
+                  const std::array<std::array<ParticleLanes, 2>, dim>& shape) {
+    std::array<std::array<ParticleLanes, 3>, dim> bernstein;
+    for (std::size_t a = 0; a < dim; ++a)
+      bernstein[a] = {shape[a][0] * shape[a][0], shape[a][0] * shape[a][1],
+                      shape[a][1] * shape[a][1]};
     std::size_t k = 0;
     for (std::size_t i = 0; i < 3; ++i) {
-      const double bi = volume * bernstein[0][i];
+      const ParticleLanes bi = volume * bernstein[0][i];
       for (std::size_t j = 0; j < 3; ++j) {
-        const double bij = bi * bernstein[1][j];
+        const ParticleLanes bij = bi * bernstein[1][j];
         if constexpr (Dim == 2) {
-          m.volume[k++] += bij;
+          volume_[k++] += bij;
         } else {
           for (std::size_t l = 0; l < 3; ++l)
-            m.volume[k++] += bij * bernstein[2][l];
+            volume_[k++] += bij * bernstein[2][l];
         }
       }
     }
+  }
 
-    const auto n = Multilinear<Dim>::values(xi);
-    if (affine) {
-      // v_p + C_p (x_c − x_p) is linear in the corner's bits: from corner 0, one column per axis.
-      Mat<Dim> step = particles.affine[p];
-      for (int a = 0; a < Dim; ++a)
-        step.col(a) *= grid.spacing()[a];
-      const Vec<Dim> at_first = particles.velocity[p] - step * xi;
-      for (int c = 0; c < G::corners; ++c) {
-        Vec<Dim> v = at_first;
-        for (int a = 0; a < Dim; ++a)
-          if (G::corner_bit(c, a))
-            v += step.col(a);
-        m.momentum[static_cast<std::size_t>(c)] += (volume * n[static_cast<std::size_t>(c)]) * v;
+  void add_momentum(const Pack& pack, const VecLanes<Dim>& xi,
+                    const std::array<std::array<ParticleLanes, 2>, dim>& shape) {
+    // v_p + C_p (x_c − x_p) is linear in the corner's bits: from corner 0, one column per axis.
+    VecLanes<Dim> at_first = pack.velocity;
+    std::array<VecLanes<Dim>, dim> step;
+    for (std::size_t b = 0; b < dim; ++b)
+      for (std::size_t a = 0; a < dim; ++a) {
+        step[b][a] = pack.affine[b][a] * grid_.spacing()[static_cast<Eigen::Index>(b)];
+        at_first[a] -= step[b][a] * xi[b];
       }
-    } else {
-      const Vec<Dim> momentum = volume * particles.velocity[p];
-      for (int c = 0; c < G::corners; ++c)
-        m.momentum[static_cast<std::size_t>(c)] += n[static_cast<std::size_t>(c)] * momentum;
+    for (std::size_t c = 0; c < corners; ++c) {
+      const auto bit = [&](std::size_t axis) {
+        return static_cast<std::size_t>(
+            Grid<Dim>::corner_bit(static_cast<int>(c), static_cast<int>(axis)));
+      };
+      ParticleLanes weight = pack.volume;
+      for (std::size_t a = 0; a < dim; ++a)
+        weight *= shape[a][bit(a)];
+      for (std::size_t a = 0; a < dim; ++a) {
+        ParticleLanes at_corner = at_first[a];
+        for (std::size_t b = 0; b < dim; ++b)
+          if (bit(b) == 1)
+            at_corner += step[b][a];
+        momentum_[c][a] += weight * at_corner;
+      }
     }
   }
-  return m;
+
+  const Grid<Dim>& grid_;
+  Index<Dim> cell_;
+  std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> volume_ = [] {
+    std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> lanes;
+    lanes.fill(ParticleLanes::Zero());
+    return lanes;
+  }();
+  std::array<VecLanes<Dim>, corners> momentum_ = zeros<corners>();
+};
+
+/// The moments of the particles of one cell. `affine`: do they carry C_p?
+template <int Dim>
+CellMoments<Dim> cell_moments(const Particles<Dim>& particles, const CellOrder<Dim>& order,
+                              const Grid<Dim>& grid, int cell_number, bool affine) {
+  constexpr std::size_t dim = static_cast<std::size_t>(Dim);
+  constexpr std::size_t batch = particle_packs * particle_lanes;
+  CellMomentSum<Dim> sum(grid, cell_number);
+  std::array<typename CellMomentSum<Dim>::Pack, particle_packs> packs;
+  const std::size_t end = order.begin(cell_number + 1);
+  for (std::size_t first = order.begin(cell_number); first < end; first += batch) {
+    const std::size_t count = std::min(batch, end - first);
+    for (std::size_t l = 0; l < count; ++l) {
+      auto& pack = packs[l / particle_lanes];
+      const std::size_t lane = l % particle_lanes, p = order.particle(first + l);
+      pack.volume[static_cast<Eigen::Index>(lane)] = particles.volume[p];
+      set_lane<Dim>(pack.position, lane, particles.position[p].data());
+      set_lane<Dim>(pack.velocity, lane, particles.velocity[p].data());
+      if (affine)
+        for (std::size_t b = 0; b < dim; ++b)
+          set_lane<Dim>(pack.affine[b], lane, particles.affine[p].data() + b * dim);
+    }
+    const std::size_t used = (count + particle_lanes - 1) / particle_lanes;
+    for (std::size_t l = count; l < used * particle_lanes; ++l)
+      packs[used - 1].volume[static_cast<Eigen::Index>(l % particle_lanes)] = 0;
+    for (std::size_t k = 0; k < used; ++k)
+      sum.add(packs[k]);
+  }
+  return sum.total();
 }
 
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller.
@@ -96,8 +180,7 @@ void all_cell_moments(const Particles<Dim>& particles, const CellOrder<Dim>& ord
   parallel_chunks(threads, grid.cell_count(), 16, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (int c = static_cast<int>(begin); c < end; ++c)
       if (!order.empty(c))
-        moments[static_cast<std::size_t>(c)] = cell_moments(
-            particles, order.begin(c), order.begin(c + 1), grid, grid.cell_index(c), affine);
+        moments[static_cast<std::size_t>(c)] = cell_moments(particles, order, grid, c, affine);
   });
 }
 

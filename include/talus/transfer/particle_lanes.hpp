@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+
+#include <array>
+#include <cstddef>
+
+namespace talus {
+
+/// Particles of one cell that are worked on side by side, with the machine's vector instructions.
+inline constexpr std::size_t particle_lanes = 8;
+
+/// How many times as many are read before they are worked on: a vector that is loaded right after
+/// its lanes were stored one by one waits for all of the stores (half of a transfer, measured).
+inline constexpr std::size_t particle_packs = 4;
+
+/// One number of each of the particles side by side.
+using ParticleLanes = Eigen::Array<double, static_cast<int>(particle_lanes), 1>;
+
+/// Their sum. Not Eigen's: with AVX-512 g++ 12 warns of it in every user's build (GCC bug 105593).
+inline double sum_of(const ParticleLanes& lanes) {
+  double sum = 0;
+  for (Eigen::Index l = 0; l < lanes.size(); ++l)
+    sum += lanes[l];
+  return sum;
+}
+
+/// A Dim-vector of each, by component.
+template <int Dim>
+using VecLanes = std::array<ParticleLanes, static_cast<std::size_t>(Dim)>;
+
+/// Coordinates in `cell`, in [0, 1], from positions x (m).
+template <int Dim>
+VecLanes<Dim> local_lanes(const Grid<Dim>& grid, const Index<Dim>& cell, const VecLanes<Dim>& x) {
+  VecLanes<Dim> xi;
+  for (int a = 0; a < Dim; ++a)
+    xi[static_cast<std::size_t>(a)] =
+        (x[static_cast<std::size_t>(a)] - grid.origin()[a]) * grid.inverse_spacing()[a] -
+        static_cast<double>(cell[a]);
+  return xi;
+}
+
+/// Puts the components of v into one lane.
+template <int Dim>
+void set_lane(VecLanes<Dim>& lanes, std::size_t lane, const double* v) {
+  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+    lanes[a][static_cast<Eigen::Index>(lane)] = v[a];
+}
+
+} // namespace talus

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+// A warm step takes no memory. In a program of its own, as it replaces operator new.
+
+#include "talus/rheology/laws.hpp"
+#include "talus/scene/collapse.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/transfer/schemes.hpp"
+
+#include "../support/collapse.hpp"
+
+#include <doctest/doctest.h>
+
+#include <atomic>
+#include <cstddef>
+
+extern std::atomic<std::size_t> allocations; // count.cpp
+
+using namespace talus;
+
+namespace {
+
+template <int Dim>
+std::size_t allocations_of_a_warm_step(int threads) {
+  using Sim = Simulation<Dim, ConstantFriction, Apic, GaussSeidel<>>;
+  CollapseSetup setup = support::b15();
+  auto params = support::collapse_params<Sim>(setup, Vec<3>(0.04, 0.02, 0.02), 1.66e-3);
+  params.threads = threads;
+  Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 3}));
+  for (int i = 0; i < 30; ++i)
+    static_cast<void>(sim.step());
+  const std::size_t before = allocations;
+  for (int i = 0; i < 3; ++i)
+    static_cast<void>(sim.step());
+  return allocations - before;
+}
+
+} // namespace
+
+TEST_CASE("this program counts allocations") {
+  const std::size_t before = allocations;
+  int* volatile kept = new int(1); // volatile: or the pair is left out
+  delete kept;
+  CHECK(allocations - before == 1);
+}
+
+TEST_CASE("a warm step allocates nothing") {
+  for (const int threads : {1, 2}) {
+    CHECK(allocations_of_a_warm_step<2>(threads) == 0);
+    CHECK(allocations_of_a_warm_step<3>(threads) == 0);
+  }
+}
