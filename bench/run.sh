@@ -4,14 +4,15 @@
 #
 #     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
+#     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
-  local | global) name=$1; shift ;;
-  -h | --help) sed -n '3,6s/^# \{0,1\}//p' "$0"; exit 0 ;;
-  *) echo "which benchmark? sh $0 local | global" >&2; exit 2 ;;
+  local | global | step) name=$1; shift ;;
+  -h | --help) sed -n '3,7s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global | step" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
@@ -37,6 +38,12 @@ if [ "$name" = local ]; then
     --benchmark_out="$out/local_solver.json" "$@" > "$out/local_solver.log"
   "$python" "$root/bench/local_solver.py" "$out"
   echo "$out/local_solver.json, .md, .png"
+  exit
+fi
+
+if [ "$name" = step ]; then
+  "$python" "$root/bench/step.py" "$build" "$out" "$@"
+  echo "$out/step.json, .md, .png"
   exit
 fi
 

@@ -18,11 +18,12 @@ using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::
 /// Run B15 of Rousseau et al. 2023 with cells of 2 cm (across: the same) by 1 cm and a time step of
 /// 1.66 ms, all divided by `finer`.
 template <int Dim>
-Sim<Dim> collapse_b15(double finer, double tolerance, int per_axis = 3) {
+Sim<Dim> collapse_b15(double finer, double tolerance, int per_axis = 3, int threads = 1) {
   const talus::CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim<Dim>>(setup, talus::Vec<3>(0.02, 0.02, 0.01) / finer,
                                                    1.66e-3 / finer);
   params.solver.tolerance = tolerance;
+  params.threads = threads;
   return Sim<Dim>(params,
                   setup.particles<Dim>(talus::Grid<Dim>(params.grid), {.per_axis = per_axis}));
 }

@@ -37,15 +37,28 @@ struct CellMoments {
 template <int Dim>
 class CellMomentSum {
  public:
-  /// Particles side by side. Lanes without a particle have no volume, and weigh nothing.
+  /// Particles side by side. A lane without a particle has no volume, so weighs nothing.
   struct Pack {
-    ParticleLanes volume = ParticleLanes::Zero();
-    VecLanes<Dim> position = zero(), velocity = zero();
-    std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)> affine = zeros<dim>(); ///< columns
+    ParticleLanes volume;
+    VecLanes<Dim> position, velocity;
+    std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)> affine; ///< columns
+
+    void set(std::size_t lane, double v_p, const Vec<Dim>& x, const Vec<Dim>& v,
+             const Mat<Dim>& c) {
+      volume[static_cast<Eigen::Index>(lane)] = v_p;
+      set_lane<Dim>(position, lane, x.data());
+      set_lane<Dim>(velocity, lane, v.data());
+      for (std::size_t b = 0; b < dim; ++b)
+        set_lane<Dim>(affine[b], lane, c.data() + b * dim);
+    }
   };
 
   CellMomentSum(const Grid<Dim>& grid, int cell_number)
-      : grid_(grid), cell_(grid.cell_index(cell_number)) {}
+      : grid_(grid), cell_(grid.cell_index(cell_number)) {
+    volume_.fill(ParticleLanes::Zero());
+    for (VecLanes<Dim>& sum : momentum_)
+      sum.fill(ParticleLanes::Zero());
+  }
 
   void add(const Pack& pack) {
     const VecLanes<Dim> xi = local_lanes<Dim>(grid_, cell_, pack.position);
@@ -69,18 +82,6 @@ class CellMomentSum {
  private:
   static constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
-
-  static VecLanes<Dim> zero() {
-    VecLanes<Dim> lanes;
-    lanes.fill(ParticleLanes::Zero());
-    return lanes;
-  }
-  template <std::size_t Count>
-  static std::array<VecLanes<Dim>, Count> zeros() {
-    std::array<VecLanes<Dim>, Count> lanes;
-    lanes.fill(zero());
-    return lanes;
-  }
 
   void add_volume(const ParticleLanes& volume,
                   const std::array<std::array<ParticleLanes, 2>, dim>& shape) {
@@ -133,38 +134,29 @@ class CellMomentSum {
 
   const Grid<Dim>& grid_;
   Index<Dim> cell_;
-  std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> volume_ = [] {
-    std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> lanes;
-    lanes.fill(ParticleLanes::Zero());
-    return lanes;
-  }();
-  std::array<VecLanes<Dim>, corners> momentum_ = zeros<corners>();
+  std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> volume_;
+  std::array<VecLanes<Dim>, corners> momentum_;
 };
 
 /// The moments of the particles of one cell. `affine`: do they carry C_p?
 template <int Dim>
 CellMoments<Dim> cell_moments(const Particles<Dim>& particles, const CellOrder<Dim>& order,
                               const Grid<Dim>& grid, int cell_number, bool affine) {
-  constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   constexpr std::size_t batch = particle_packs * particle_lanes;
+  const Mat<Dim> none = Mat<Dim>::Zero();
   CellMomentSum<Dim> sum(grid, cell_number);
   std::array<typename CellMomentSum<Dim>::Pack, particle_packs> packs;
   const std::size_t end = order.begin(cell_number + 1);
   for (std::size_t first = order.begin(cell_number); first < end; first += batch) {
     const std::size_t count = std::min(batch, end - first);
     for (std::size_t l = 0; l < count; ++l) {
-      auto& pack = packs[l / particle_lanes];
-      const std::size_t lane = l % particle_lanes, p = order.particle(first + l);
-      pack.volume[static_cast<Eigen::Index>(lane)] = particles.volume[p];
-      set_lane<Dim>(pack.position, lane, particles.position[p].data());
-      set_lane<Dim>(pack.velocity, lane, particles.velocity[p].data());
-      if (affine)
-        for (std::size_t b = 0; b < dim; ++b)
-          set_lane<Dim>(pack.affine[b], lane, particles.affine[p].data() + b * dim);
+      const std::size_t p = order.particle(first + l);
+      packs[l / particle_lanes].set(l % particle_lanes, particles.volume[p], particles.position[p],
+                                    particles.velocity[p], affine ? particles.affine[p] : none);
     }
     const std::size_t used = (count + particle_lanes - 1) / particle_lanes;
     for (std::size_t l = count; l < used * particle_lanes; ++l)
-      packs[used - 1].volume[static_cast<Eigen::Index>(l % particle_lanes)] = 0;
+      packs[used - 1].set(l % particle_lanes, 0, grid.origin(), Vec<Dim>::Zero(), none);
     for (std::size_t k = 0; k < used; ++k)
       sum.add(packs[k]);
   }
