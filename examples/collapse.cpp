@@ -57,6 +57,7 @@ struct Options {
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
   double momentum = talus::GaussSeidel<>::Params{}.momentum;
+  double cfl = 0;
   talus::Packing packing;
   bool until_rest = false;
   support::CommonOptions common;
@@ -205,6 +206,7 @@ int run(const Options& options, const Case& collapse) {
   params.material.density = collapse.material.density;
   params.gravity = setup.gravity_vector<Dim>();
   params.time_step = options.time_step.value_or(reference ? 8.3e-4 : 1.66e-3);
+  params.cfl = options.cfl;
   params.faces = setup.faces<Dim>();
   const auto gate = setup.make_gate<Dim>();
   params.obstacles.push_back(gate);
@@ -353,6 +355,7 @@ int run(const Options& options, const Case& collapse) {
                        {"gate_friction", setup.gate_friction},
                        {"gate_opening_time_s", opening},
                        {"time_step_s", params.time_step},
+                       {"cfl", params.cfl},
                        {"threads", params.threads}};
   summary["measured"] = {{"runout_m", runout},
                          {"height_final_m", now.height_wall},
@@ -473,6 +476,10 @@ int main(int argc, char** argv) {
                  "Cell edges along, across, up instead of the resolution's, m")
       ->expected(3);
   app.add_option("--time-step", options.time_step, "Time step instead of the resolution's, s");
+  app.add_option("--cfl", options.cfl,
+                 "Shorten steps so that nothing crosses more of a cell; 0: fixed steps")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_option("--particles-per-edge", options.per_axis, "Particles along a cell's edge");
   app.add_option("--seeding", options.seeding,
                  "Initial positions: jittered lattice (default) or random")

@@ -101,7 +101,8 @@ class Simulation {
     GridParams<Dim> grid{};
     Material material{};
     Vec<Dim> gravity = Vec<Dim>::Zero(); ///< m/s²; turn it to incline the box
-    double time_step = 0;                ///< δt, s; > 0
+    double time_step = 0;                ///< δt, s; > 0; the largest one if cfl > 0
+    double cfl = 0; ///< largest share of a cell to cross in a step along any axis; 0: δt is fixed
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
     typename RheologyT::Params rheology{};
@@ -121,6 +122,7 @@ class Simulation {
         particles_(std::move(particles)) {
     require_positive("material.density", params_.material.density);
     require_positive("time_step", params_.time_step);
+    require_non_negative("cfl", params_.cfl);
     require_positive("min_relative_mass", params_.min_relative_mass);
     params_.packing.validate();
     for (int a = 0; a < Dim; ++a)
@@ -128,6 +130,7 @@ class Simulation {
     if (params_.threads < 1)
       throw_invalid("threads", params_.threads, "an integer >= 1");
     params_.faces.validate();
+    time_step_ = params_.time_step;
     for (const auto& obstacle : params_.obstacles)
       if (!obstacle)
         throw_invalid("an obstacle", "null", "a valid pointer");
@@ -158,6 +161,7 @@ class Simulation {
     StepReport report;
     const auto t0 = Clock::now();
     particles_to_grid();
+    choose_time_step();
     const auto t1 = Clock::now();
     collect_cones();
     add_gravity();
@@ -172,7 +176,7 @@ class Simulation {
       keep_stresses();
       grid_to_particles();
       remove_outflow(report);
-      time_ += params_.time_step;
+      time_ += time_step_;
       ++steps_;
     }
     const auto t4 = Clock::now();
@@ -182,7 +186,8 @@ class Simulation {
     return report;
   }
 
-  double time() const { return time_; } ///< s
+  double time() const { return time_; }           ///< s
+  double time_step() const { return time_step_; } ///< δt of the last step, s
   std::size_t steps() const { return steps_; }
   const Params& params() const { return params_; }
   const Grid<Dim>& grid() const { return grid_; }
@@ -208,7 +213,7 @@ class Simulation {
   /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
     const Vec<cone_size>& impulse = node_stress_[static_cast<std::size_t>(grid_.node(node))];
-    return std::min(1.0, volume_fraction(node)) / params_.time_step *
+    return std::min(1.0, volume_fraction(node)) / time_step_ *
            vector_to_symmetric<Dim, double>(impulse);
   }
   /// p_i = −Tr σ_i / d, Pa.
@@ -278,6 +283,26 @@ class Simulation {
         });
   }
 
+  /// With cfl > 0: δt = cfl / max_i,a (|u*_a| + |g_a| δt_max)/h_a, at most δt_max. Impulses of the
+  /// warm start are forces times δt.
+  void choose_time_step() {
+    if (params_.cfl == 0)
+      return;
+    double rate = params_.cfl / params_.time_step; // cells a second
+    for (const int node : node_order_.nodes())
+      for (int a = 0; a < Dim; ++a) {
+        const double speed = std::abs(velocity_before_[static_cast<std::size_t>(node)][a]) +
+                             std::abs(params_.gravity[a]) * params_.time_step;
+        rate = std::max(rate, speed * grid_.inverse_spacing()[a]);
+      }
+    const double next = params_.cfl / rate, ratio = next / time_step_;
+    time_step_ = next;
+    for (Vec<cone_size>& stress : node_stress_)
+      stress *= ratio;
+    for (Contact<Dim>& contact : problem_.contacts)
+      contact.impulse *= ratio;
+  }
+
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
   void collect_cones() {
     const double least_volume = params_.min_relative_mass * grid_.cell_volume();
@@ -301,7 +326,7 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
-    relief_share_ = params_.packing.relief_share(params_.time_step, params_.gravity.norm(),
+    relief_share_ = params_.packing.relief_share(time_step_, params_.gravity.norm(),
                                                  grid_.spacing().minCoeff());
     parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -324,7 +349,7 @@ class Simulation {
     // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
     const double room = params_.packing.room(problem_.volume[i] - material_volume_[j],
                                              problem_.volume[i], relief_share_);
-    problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * params_.time_step));
+    problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * time_step_));
     problem_.friction[i] = cone_friction<Dim>(friction(i, j, index));
   }
 
@@ -341,7 +366,7 @@ class Simulation {
 
   void add_gravity() {
     Wide change = Wide::Zero();
-    change.template head<Dim>() = params_.time_step * params_.gravity;
+    change.template head<Dim>() = time_step_ * params_.gravity;
     double largest2 = 0;
     for (const int node : node_order_.nodes()) {
       const std::size_t j = static_cast<std::size_t>(node);
@@ -453,7 +478,7 @@ class Simulation {
         upper[a] = std::numeric_limits<double>::infinity();
     }
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
-                             velocity_before_, params_.time_step, lower, upper, params_.threads);
+                             velocity_before_, time_step_, lower, upper, params_.threads);
   }
 
   /// Takes out the particles that passed a free face.
@@ -491,6 +516,7 @@ class Simulation {
   Particles<Dim> particles_;
   double time_ = 0;
   std::size_t steps_ = 0;
+  double time_step_ = 0;    ///< δt of this step, s
   double relief_share_ = 0; ///< of overpacking, in this step
 
   // Workspace, and what one step leaves for the next.

@@ -162,6 +162,37 @@ TEST_CASE("free fall is exact, with every transfer") {
   free_fall<3, Apic>();
 }
 
+TEST_CASE("with cfl, steps shorten as a block falls, and grow again at rest") {
+  auto params = scenes::box<2>({0.2, 0, 0.4}, {10, 1, 20}, 0, 0.44);
+  params.time_step = 0.01;
+  params.cfl = 0.2;
+  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 0, 0.2, 0.2, 0.3));
+  const double h = 0.02, falls_until = std::sqrt(2 * 0.2 / 9.81);
+  double shortest = 1;
+  while (sim.time() < 1.5) {
+    std::vector<Vec<2>> before(sim.particles().size());
+    for (std::size_t p = 0; p < before.size(); ++p)
+      before[sim.particles().id[p]] = sim.particles().position[p];
+    const double time = sim.time();
+    const StepReport report = sim.step();
+    CHECK(report.solve.status == SolveStatus::converged);
+    CHECK(sim.time() - time == doctest::Approx(sim.time_step()));
+    shortest = std::min(shortest, sim.time_step());
+    for (std::size_t p = 0; p < before.size(); ++p)
+      CHECK((sim.particles().position[p] - before[sim.particles().id[p]]).cwiseAbs().maxCoeff() <=
+            params.cfl * h * 1.05); // an impact can add to the speed that δt was chosen for
+    if (sim.time() < 0.9 * falls_until)
+      CHECK(scenes::mean_velocity(sim)[1] == doctest::Approx(-9.81 * sim.time()));
+  }
+  CHECK(shortest == doctest::Approx(0.2 * h / (9.81 * (falls_until + 0.01))).epsilon(0.05));
+  CHECK(sim.time_step() == doctest::Approx(0.01));
+  CHECK(largest_speed(sim) < 1e-3); // m/s
+  double force = 0;                 // on the plane z = h, N/m; single values are not determined
+  for (int i = 0; i <= 10; ++i)
+    force += sim.stress({i, 1})(1, 1) * (i == 0 || i == 10 ? h / 2 : h);
+  CHECK(force == doctest::Approx(1500 * 9.81 * 0.2 * (0.1 - h)).epsilon(0.05));
+}
+
 TEST_CASE("a rotating blob keeps its angular momentum with APIC") {
   // The transfers keep it exactly. Between them a particle's share C_p D_p, D_p = Σ N_i (x_i − x_p)
   // (x_i − x_p)ᵀ, changes as it moves through its cell: D_p depends on the place for multilinear N.
@@ -327,6 +358,9 @@ TEST_CASE("wrong input is refused by name and value") {
   auto bad = params;
   bad.time_step = 0;
   CHECK(message(bad, particles) == "time_step is 0; allowed: a finite number > 0");
+  bad = params;
+  bad.cfl = -1;
+  CHECK(message(bad, particles) == "cfl is -1; allowed: a finite number >= 0");
   bad = params;
   bad.rheology.mu = -0.1;
   CHECK(message(bad, particles) == "rheology.mu is -0.1; allowed: a finite number >= 0");
