@@ -26,6 +26,7 @@
 #include <cstddef>
 #include <limits>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -84,6 +85,18 @@ struct [[nodiscard]] StepReport {
   bool completed() const { return solve.status != SolveStatus::not_finite; }
 };
 
+/// All that a simulation hands from one step to the next.
+template <int Dim>
+struct SimulationState {
+  double time = 0;                                   ///< s
+  std::size_t steps = 0;                             ///< made so far
+  double time_step = 0;                              ///< δt of the last step, s
+  Vec<Dim> gravity = Vec<Dim>::Zero();               ///< m/s²
+  Particles<Dim> particles;                          ///< their order counts: sums depend on it
+  std::vector<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
+  std::vector<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
+};
+
 /// A granular flow: particles, a grid, and the policies that say how the medium yields (RheologyT),
 /// how particles and grid exchange velocities (TransferT) and how the dual problem is solved
 /// (SolverT).
@@ -134,7 +147,7 @@ class Simulation {
     for (const auto& obstacle : params_.obstacles)
       if (!obstacle)
         throw_invalid("an obstacle", "null", "a valid pointer");
-    check_particles();
+    check_particles(particles_);
 
     const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
     material_volume_.assign(nodes, 0);
@@ -193,6 +206,50 @@ class Simulation {
   const Grid<Dim>& grid() const { return grid_; }
   const Particles<Dim>& particles() const { return particles_; }
 
+  /// A view of the state, valid until the next step.
+  struct StateView {
+    double time;
+    std::size_t steps;
+    double time_step;
+    const Vec<Dim>& gravity;
+    const Particles<Dim>& particles;
+    const std::vector<Vec<symmetric_size<Dim>>>& node_stress;
+    const std::vector<Contact<Dim>>& contacts;
+  };
+  StateView state() const {
+    return {time_,      steps_,       time_step_,       params_.gravity,
+            particles_, node_stress_, problem_.contacts};
+  }
+
+  /// Goes on from `state`, which a simulation with the same grid, faces and obstacles had: the next
+  /// step gives the same bits as that one's. Throws std::invalid_argument, and changes nothing, if
+  /// a particle is refused (see the constructor) or the state does not fit the grid.
+  void restore(SimulationState<Dim> state) {
+    require_non_negative("state.time", state.time);
+    require_positive("state.time_step", state.time_step);
+    for (int a = 0; a < Dim; ++a)
+      require_finite("state.gravity", state.gravity[a]);
+    check_particles(state.particles);
+    if (state.node_stress.size() != node_stress_.size())
+      throw_invalid("the number of nodes of the state", state.node_stress.size(),
+                    std::to_string(node_stress_.size()));
+    const int sources = 2 * Dim + static_cast<int>(params_.obstacles.size());
+    for (const Contact<Dim>& contact : state.contacts) {
+      if (contact.node < 0 || contact.node >= grid_.node_count())
+        throw_invalid("the node of a contact", contact.node, "a node of the grid");
+      if (contact.source < 0 || contact.source >= sources)
+        throw_invalid("the source of a contact", contact.source,
+                      "below " + std::to_string(sources));
+    }
+    time_ = state.time;
+    steps_ = state.steps;
+    time_step_ = state.time_step;
+    params_.gravity = state.gravity;
+    particles_ = std::move(state.particles);
+    node_stress_ = std::move(state.node_stress);
+    problem_.contacts = std::move(state.contacts);
+  }
+
   /// Changes gravity (m/s²) from the next step on: tilts the box.
   void set_gravity(const Vec<Dim>& gravity) {
     for (int a = 0; a < Dim; ++a)
@@ -235,15 +292,15 @@ class Simulation {
     return std::chrono::duration<double>(to - from).count();
   }
 
-  void check_particles() const {
-    if (particles_.empty())
+  void check_particles(const Particles<Dim>& particles) const {
+    if (particles.empty())
       throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
     const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
-    for (std::size_t p = 0; p < particles_.size(); ++p) {
-      require_positive("a particle's volume", particles_.volume[p]);
+    for (std::size_t p = 0; p < particles.size(); ++p) {
+      require_positive("a particle's volume", particles.volume[p]);
       for (int a = 0; a < Dim; ++a) {
-        require_finite("a particle's velocity", particles_.velocity[p][a]);
-        const double x = particles_.position[p][a];
+        require_finite("a particle's velocity", particles.velocity[p][a]);
+        const double x = particles.position[p][a];
         if (!(x >= lower[a] && x <= upper[a]))
           throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
       }

@@ -26,6 +26,7 @@
 #include "talus/diagnostics/profile.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"
+#include "talus/io/checkpoint.hpp"
 #include "talus/io/csv.hpp"
 #include "talus/io/progress.hpp"
 #include "talus/io/vtk.hpp"

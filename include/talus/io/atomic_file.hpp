@@ -11,6 +11,11 @@
 #include <system_error>
 #include <utility>
 
+#if __has_include(<unistd.h>)
+#include <unistd.h>
+#define TALUS_HAS_FSYNC
+#endif
+
 namespace talus {
 
 /// A file that gets its name when it is complete: written as NAME.tmp and renamed by commit();
@@ -37,7 +42,19 @@ class AtomicFile {
   }
   void write(std::string_view text) { write(text.data(), text.size()); }
 
-  void commit() {
+  /// Durable: on the disk before it gets its name, so that not even a loss of power leaves a file
+  /// that is named but incomplete.
+  enum class Durable { no, yes };
+
+  void commit(Durable durable = Durable::no) {
+    if (std::fflush(file_) != 0)
+      fail(errno);
+#ifdef TALUS_HAS_FSYNC
+    if (durable == Durable::yes && ::fsync(::fileno(file_)) != 0)
+      fail(errno);
+#else
+    static_cast<void>(durable);
+#endif
     if (std::fclose(std::exchange(file_, nullptr)) != 0)
       fail(errno);
     std::error_code error;

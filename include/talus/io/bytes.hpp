@@ -154,6 +154,14 @@ class ByteReader {
       for (Eigen::Index r = 0; r < values.rows(); ++r)
         raw(values(r, c));
   }
+  /// The next bytes as they are.
+  std::string_view take(std::size_t bytes) {
+    need(bytes, 1);
+    const std::string_view taken = rest_.substr(0, bytes);
+    rest_.remove_prefix(bytes);
+    return taken;
+  }
+  bool starts_with(std::string_view text) const { return rest_.starts_with(text); }
   bool at_end() const { return rest_.empty(); }
 
  private:

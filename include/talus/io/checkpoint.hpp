@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/types.hpp"
+#include "talus/io/atomic_file.hpp"
+#include "talus/io/bytes.hpp"
+#include "talus/simulation.hpp"
+#include "talus/version.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+/// \file
+/// Checkpoints: the state of a simulation in a file, from which it goes on with the same bits. A
+/// header of text lines, little-endian numbers, and a fingerprint of all bytes at the end.
+
+namespace talus {
+
+namespace detail {
+
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 1";
+
+/// What must be the same for a state to be meaningful: name and value of each. Friction law,
+/// transfer and solver are left out: a run may go on with others.
+template <class Params>
+std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const Params& params) {
+  std::vector<std::pair<std::string, std::string>> lines;
+  const auto add = [&](const std::string& name, const auto&... values) {
+    ByteWriter value;
+    (value.number(values), ...);
+    lines.emplace_back(name, value.bytes().substr(1));
+  };
+  constexpr int dim = static_cast<int>(decltype(params.gravity)::RowsAtCompileTime);
+  constexpr const char* axes[] = {"x", "y", "z"};
+  add("dimension", dim);
+  for (int a = 0; a < dim; ++a) {
+    const std::string axis = axes[a];
+    const std::size_t s = static_cast<std::size_t>(a);
+    add("grid.origin." + axis, params.grid.origin[a]);
+    add("grid.size." + axis, params.grid.size[a]);
+    add("grid.cells." + axis, params.grid.cells[a]);
+    for (const auto& [side, face] :
+         {std::pair("lower.", params.faces.lower[s]), std::pair("upper.", params.faces.upper[s])}) {
+      add("faces." + (side + axis) + ".kind", static_cast<int>(face.kind));
+      add("faces." + (side + axis) + ".friction", face.friction);
+    }
+  }
+  add("material.density", params.material.density);
+  add("time_step", params.time_step);
+  add("cfl", params.cfl);
+  add("min_relative_mass", params.min_relative_mass);
+  add("packing.slack", params.packing.slack);
+  add("packing.relief", params.packing.relief);
+  add("obstacles", params.obstacles.size());
+  return lines;
+}
+
+} // namespace detail
+
+/// Saves the state of `sim`. `notes`: whatever the program wants to find again, at most 2^20 bytes.
+/// The file gets its name when it is complete and on the disk: an earlier one is good until then.
+/// Throws std::runtime_error if it cannot be written, std::invalid_argument for longer notes.
+template <class Sim>
+void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
+                      std::string_view notes = {}) {
+  constexpr int dim = Sim::dimension;
+  if (notes.size() > (std::size_t{1} << 20U))
+    throw_invalid("the length of a checkpoint's notes", notes.size(), "at most 2^20 bytes");
+  const auto state = sim.state();
+  AtomicFile file(path);
+  Fingerprint fingerprint;
+  detail::ByteWriter out;
+  const auto flush = [&] { // in pieces: the state may be most of the memory
+    fingerprint.add(out.bytes());
+    file.write(out.bytes());
+    out = {};
+  };
+  out.text(std::string(detail::checkpoint_format) + "\nversion " + TALUS_VERSION + "\n");
+  for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
+    out.text(name + " " + value + "\n");
+  out.line("state", state.time, state.steps, state.time_step);
+  out.line("counts", state.particles.size(), state.node_stress.size(), state.contacts.size(),
+           notes.size());
+  out.text(notes);
+  out.raw(state.gravity);
+  flush();
+  for (std::size_t p = 0; p < state.particles.size(); ++p) {
+    out.raw(std::uint64_t{state.particles.id[p]});
+    out.raw(state.particles.volume[p]);
+    out.raw(state.particles.position[p]);
+    out.raw(state.particles.velocity[p]);
+    out.raw(state.particles.affine[p]);
+    if (out.bytes().size() > (std::size_t{1} << 20U))
+      flush();
+  }
+  for (const auto& stress : state.node_stress)
+    out.raw(stress);
+  for (const Contact<dim>& contact : state.contacts) {
+    out.raw(contact.node);
+    out.raw(contact.source);
+    out.raw(contact.impulse);
+  }
+  flush();
+  out.raw(fingerprint.value());
+  file.write(out.bytes());
+  file.commit(AtomicFile::Durable::yes);
+}
+
+/// Puts the state that `path` holds into `sim` and returns the notes. `sim` is one that was made
+/// with the same parameters (threads, friction law, transfer and solver may differ); its particles
+/// are replaced. After that it goes on like the run that wrote the file, to the last bit.
+/// Throws std::runtime_error, and leaves `sim` as it was, if the file cannot be read, is damaged,
+/// or belongs to another version or configuration; the message names the difference.
+template <class Sim>
+std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
+  constexpr int dim = Sim::dimension;
+  detail::ByteReader in(path);
+  if (!in.starts_with(detail::checkpoint_format))
+    in.fail("it is no checkpoint of this version of talus");
+  in.check_fingerprint();
+  in.line(detail::checkpoint_format);
+  const auto compare = [&](const std::string& name, const std::string& ours) {
+    const std::string_view theirs = in.line(name + " ");
+    if (theirs != ours)
+      in.fail("its " + name + " is " + std::string(theirs) + ", this simulation's is " + ours);
+  };
+  compare("version", TALUS_VERSION);
+  for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
+    compare(name, value);
+
+  SimulationState<dim> state;
+  std::size_t particles = 0, nodes = 0, contacts = 0, length = 0;
+  in.line("state", state.time, state.steps, state.time_step);
+  in.line("counts", particles, nodes, contacts, length);
+  std::string notes(in.take(length));
+  in.raw(state.gravity);
+  in.need(particles, sizeof(double) * (2 + 2 * dim + dim * dim));
+  state.particles.resize(particles);
+  for (std::size_t p = 0; p < particles; ++p) {
+    std::uint64_t id = 0;
+    in.raw(id);
+    state.particles.id[p] = static_cast<std::size_t>(id);
+    in.raw(state.particles.volume[p]);
+    in.raw(state.particles.position[p]);
+    in.raw(state.particles.velocity[p]);
+    in.raw(state.particles.affine[p]);
+  }
+  in.need(nodes, sizeof(double) * symmetric_size<dim>);
+  state.node_stress.resize(nodes);
+  for (auto& stress : state.node_stress)
+    in.raw(stress);
+  in.need(contacts, 2 * sizeof(int));
+  state.contacts.resize(contacts);
+  for (Contact<dim>& contact : state.contacts) {
+    in.raw(contact.node);
+    in.raw(contact.source);
+    in.raw(contact.impulse);
+  }
+  if (!in.at_end())
+    in.fail("there is more in it than expected");
+  try {
+    sim.restore(std::move(state));
+  } catch (const std::invalid_argument& error) {
+    in.fail(error.what());
+  }
+  return notes;
+}
+
+} // namespace talus

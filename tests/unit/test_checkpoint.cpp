@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+// Checkpoints: a run goes on with the same bits, and nothing that is not one is taken for one.
+
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/io/checkpoint.hpp"
+#include "talus/rheology/laws.hpp"
+#include "talus/scene/collapse.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/transfer/schemes.hpp"
+
+#include "../support/collapse.hpp"
+#include "../support/files.hpp"
+
+#include <doctest/doctest.h>
+
+#include <fstream>
+
+using namespace talus;
+using support::contains, support::content, support::Folder, support::message_of;
+
+namespace {
+
+template <int Dim, class Law = ConstantFriction>
+using Sim = Simulation<Dim, Law, Apic, GaussSeidel<>>;
+
+template <int Dim>
+Sim<Dim> collapse(int threads = 1, double time_step = 2e-3) {
+  CollapseSetup setup = support::b15();
+  setup.length = 0.5;
+  auto params = support::collapse_params<Sim<Dim>>(setup, {0.02, 0.03, 0.01}, time_step);
+  params.cfl = 0.05; // so that steps differ
+  params.threads = threads;
+  return Sim<Dim>(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 2}));
+}
+
+template <class Simulation>
+std::string checksum_after(Simulation& sim, int steps) {
+  for (int n = 0; n < steps; ++n)
+    CHECK(sim.step().completed());
+  return state_checksum(sim.particles());
+}
+
+template <int Dim>
+void goes_on_with_the_same_bits() {
+  const Folder folder;
+  auto run = collapse<Dim>();
+  run.set_gravity(1.1 * run.params().gravity);
+  checksum_after(run, 60); // past the gate's start, with particles out of order
+  write_checkpoint(folder / "a.talus", run, "some notes\n");
+  const std::string expected = checksum_after(run, 30);
+
+  for (const int threads : {1, 3}) {
+    auto restarted = collapse<Dim>(threads);
+    CHECK(read_checkpoint(folder / "a.talus", restarted) == "some notes\n");
+    CHECK(restarted.steps() == 60);
+    CHECK(restarted.params().gravity == run.params().gravity);
+    write_checkpoint(folder / "b.talus", restarted, "some notes\n");
+    CHECK(content(folder / "a.talus") == content(folder / "b.talus"));
+    CHECK(checksum_after(restarted, 30) == expected);
+    CHECK(restarted.time() == run.time());
+  }
+}
+
+} // namespace
+
+TEST_CASE("a run from a checkpoint goes on with the same bits") {
+  goes_on_with_the_same_bits<2>();
+  goes_on_with_the_same_bits<3>();
+}
+
+TEST_CASE("a law that depends on the last step's strain rate goes on with the same bits") {
+  const auto make = [] {
+    CollapseSetup setup = support::b15();
+    setup.length = 0.5;
+    Sim<2, MuOfI>::Params params;
+    params.grid = setup.grid<2>({0.02, 0.03, 0.01});
+    params.material.density = 1470;
+    params.gravity = setup.gravity_vector<2>();
+    params.time_step = 2e-3;
+    params.faces = setup.faces<2>();
+    params.rheology = {.mu_static = 0.38,
+                       .mu_limit = 0.64,
+                       .I_0 = 0.279,
+                       .inertial = {.grain_diameter = 5e-4, .density = 1470}};
+    return Sim<2, MuOfI>(params, setup.particles<2>(Grid<2>(params.grid), {.per_axis = 2}));
+  };
+  const Folder folder;
+  auto run = make(), restarted = make();
+  checksum_after(run, 40);
+  write_checkpoint(folder / "a.talus", run);
+  CHECK(read_checkpoint(folder / "a.talus", restarted).empty());
+  CHECK(checksum_after(restarted, 20) == checksum_after(run, 20));
+}
+
+TEST_CASE("what is no checkpoint, damaged, or of another configuration is refused") {
+  const Folder folder;
+  auto run = collapse<2>();
+  checksum_after(run, 3);
+  const auto file = folder / "a.talus";
+  write_checkpoint(file, run, "notes");
+  const std::string good = content(file), before = state_checksum(run.particles());
+  const auto message = [&](auto& sim) {
+    return message_of<std::runtime_error>([&] { read_checkpoint(file, sim); });
+  };
+  const auto message_of_content = [&](const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+    return message(run);
+  };
+  for (std::size_t at = 0; at < good.size(); at += 997) {
+    std::string bytes = good;
+    bytes[at] = static_cast<char>(bytes[at] ^ 0x10);
+    CHECK(contains(message_of_content(bytes), "cannot read"));
+    CHECK(contains(message_of_content(good.substr(0, at)), "cannot read"));
+  }
+  CHECK(contains(message_of_content("nonsense"), "it is no checkpoint"));
+  CHECK(contains(message_of_content(good + "x"), "damaged or truncated"));
+  CHECK(contains(message_of_content(good.substr(0, good.size() - 1)), "damaged or truncated"));
+  CHECK(contains(message_of<std::runtime_error>([&] { read_checkpoint(folder / "none", run); }),
+                 "No such file"));
+  CHECK(contains(message_of<std::runtime_error>([&] { read_checkpoint(folder.path, run); }),
+                 "it is a folder"));
+  CHECK(state_checksum(run.particles()) == before);
+  CHECK(run.steps() == 3);
+
+  std::ofstream(file, std::ios::binary) << good;
+  auto other_step = collapse<2>(1, 1e-3);
+  CHECK(contains(message(other_step), "its time_step is 0.002, this simulation's is 0.001"));
+  auto other_dimension = collapse<3>();
+  CHECK(contains(message(other_dimension), "its dimension is 2, this simulation's is 3"));
+  CHECK_THROWS_AS(write_checkpoint(file, run, std::string((1 << 20) + 1, 'x')),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(write_checkpoint(folder / "no/such/folder", run), std::runtime_error);
+  CHECK(content(file) == good);
+}
+
+TEST_CASE("a state that does not fit is refused and changes nothing") {
+  auto run = collapse<2>();
+  checksum_after(run, 2);
+  const auto state = [&] {
+    const auto view = run.state();
+    return SimulationState<2>{view.time,      view.steps,       view.time_step, view.gravity,
+                              view.particles, view.node_stress, view.contacts};
+  };
+  run.restore(state());
+  const auto refused = [&](const SimulationState<2>& bad) {
+    return message_of<std::invalid_argument>([&] { run.restore(bad); });
+  };
+  auto bad = state();
+  bad.particles.position[0][0] = -1;
+  CHECK(contains(refused(bad), "a particle's coordinate is -1"));
+  bad = state();
+  bad.node_stress.pop_back();
+  CHECK(contains(refused(bad), "the number of nodes of the state"));
+  bad = state();
+  bad.contacts.at(0).node = 1 << 29;
+  CHECK(contains(refused(bad), "the node of a contact"));
+  bad = state();
+  bad.contacts.at(0).source = 99;
+  CHECK(contains(refused(bad), "the source of a contact"));
+  bad = state();
+  bad.time_step = 0;
+  CHECK(contains(refused(bad), "state.time_step"));
+  CHECK(run.steps() == 2);
+}
