@@ -7,6 +7,7 @@
 #include "support/command_line.hpp"
 #include "support/policies.hpp"
 #include "support/results.hpp"
+#include "support/resume.hpp"
 
 #include "talus/boundary/gate.hpp"
 #include "talus/cone/fischer_burmeister_newton.hpp"
@@ -25,9 +26,12 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -60,6 +64,7 @@ struct Options {
   double cfl = 0;
   talus::Packing packing;
   bool until_rest = false;
+  support::ResumeOptions resume;
   support::CommonOptions common;
 };
 
@@ -142,14 +147,19 @@ void write_snapshot(const Sim& sim, double time, talus::CsvWriter& profiles,
   sections.flush();
 }
 
+/// kind: particles or grid.
+fs::path frame_file(const fs::path& out, const std::string& kind, std::size_t frame) {
+  char name[32];
+  std::snprintf(name, sizeof name, "_%04zu", frame);
+  return out / "vtk" / (kind + name + (kind == "grid" ? ".vti" : ".vtp"));
+}
+
 template <class Sim>
 void write_vtk(const Sim& sim, double time, const fs::path& out, talus::VtkSeries& particle_series,
-               talus::VtkSeries& grid_series, int frame) {
+               talus::VtkSeries& grid_series, std::size_t frame) {
   constexpr int dim = Sim::dimension;
-  char name[32];
-  std::snprintf(name, sizeof name, "%04d", frame);
-  const fs::path particles = out / "vtk" / ("particles_" + std::string(name) + ".vtp");
-  const fs::path grid = out / "vtk" / ("grid_" + std::string(name) + ".vti");
+  const fs::path particles = frame_file(out, "particles", frame);
+  const fs::path grid = frame_file(out, "grid", frame);
   talus::write_vtk_particles<dim>(particles, sim.particles().position,
                                   {talus::vtk_field("velocity", sim.particles().velocity),
                                    talus::vtk_field("volume", sim.particles().volume)});
@@ -231,103 +241,13 @@ int run(const Options& options, const Case& collapse) {
   for (const double v : sim.particles().volume)
     material_volume += v;
 
-  // All input is known to be good: from here on files are written.
-  const fs::path out = options.common.prepare_out();
-  const fs::path summary_file = out / "summary.json";
-  fs::remove(summary_file); // a summary always belongs to a finished run
-  if (options.vtk != "none")
-    fs::create_directories(out / "vtk");
-  talus::CsvWriter front(out / "front.csv", {"time_s", "front_m", "runout_m", "height_wall_m",
-                                             "speed_max_m_s", "volume_m3", "gate_height_m"});
-  talus::CsvWriter profiles(out / "profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
-  talus::CsvWriter sections(out / "sections.csv",
-                            {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
-  std::optional<talus::VtkSeries> particle_series, grid_series;
-  if (options.vtk != "none") {
-    particle_series.emplace(out / "particles.pvd");
-    grid_series.emplace(out / "grid.pvd");
-  }
-
-  const double opening = setup.gate.opening_time;
-  const double last_time = opening + options.end_time.value_or(options.max_time);
-  talus::RestDetector rest(threshold_speed, rest_hold);
-  Measurement now;
-  support::SolverStatistics statistics;
-  int frame = 0;
-  double next_sample = 0, next_snapshot = opening;
-  const auto snapshot = [&](bool last) {
-    write_snapshot(sim, sim.time() - opening, profiles, sections);
-    if (options.vtk == "all" || (last && options.vtk == "last"))
-      write_vtk(sim, sim.time() - opening, out, *particle_series, *grid_series, frame);
-    ++frame;
-  };
-
-  talus::Progress progress("collapse " + options.case_name, {.quiet = options.common.quiet});
-  const support::Stopwatch stopwatch;
-  std::string status = "completed";
-  while (true) {
-    const double before = sim.time() - opening;
-    const talus::StepReport report = sim.step([&](const auto& problem) {
-      const std::size_t number = sim.steps() + 1;
-      if (std::ranges::find(options.record_problems, number) != options.record_problems.end())
-        talus::write_problem(out / ("problem_" + std::to_string(number) + ".talus"), problem);
-    });
-    statistics.add(report);
-    if (!report.completed()) {
-      status = "failed: the solver met numbers that are not finite";
-      break;
-    }
-    const double time = sim.time() - opening; // since the gate began to move
-    const double speed = talus::largest_speed(sim);
-    rest.update(std::max(0.0, time), speed);
-    const bool is_last =
-        sim.time() >= last_time - 0.5 * params.time_step || support::interrupted() ||
-        (!options.end_time && time > 0 && gate->speed(sim.time()) > 0 && rest.at_rest());
-    if (time + 0.5 * params.time_step >= next_sample || is_last) {
-      // The fields of the step are those at its start, before the particles moved on.
-      now.sample(sim, setup);
-      front.row(before, now.front, now.front - setup.column_length, now.height_wall, speed,
-                now.volume, gate->bottom(sim.time()));
-      next_sample += options.sample_interval;
-    }
-    if (sim.time() + 0.5 * params.time_step >= next_snapshot || is_last) {
-      snapshot(is_last);
-      front.flush();
-      next_snapshot += options.snapshot_interval;
-    }
-    char text[96];
-    std::snprintf(text, sizeof text, "t = %.3f s, fastest %.3f m/s, run-out %.3f m, %d sweeps",
-                  time, speed, now.front - setup.column_length, report.solve.iterations);
-    progress.update(sim.time() / last_time, text);
-    if (is_last)
-      break;
-  }
-  if (support::interrupted())
-    status = "interrupted";
-  else if (status == "completed" && !options.end_time && !rest.at_rest())
-    status = "not at rest after " + std::to_string(options.max_time) + " s";
-  progress.finish(status);
-  for (const std::size_t number : options.record_problems)
-    if (number > sim.steps())
-      std::fprintf(stderr, "--record-problem %zu: the run ended after %zu steps\n", number,
-                   sim.steps());
-  front.close();
-  profiles.close();
-  sections.close();
-
-  const double volume_loss = 1 - now.volume / material_volume;
-  const double runout = now.front - setup.column_length;
   json domain = json::array();
   for (int a = 0; a < Dim; ++a)
     domain.push_back(params.grid.size[a]);
   json cells = json::array();
   for (int a = 0; a < Dim; ++a)
     cells.push_back(params.grid.cells[a]);
-  json summary;
-  summary["program"] = "collapse";
-  summary["versions"] = support::versions();
-  summary["status"] = status;
-  summary["inputs"] = {{"case", options.case_name},
+  const json inputs = {{"case", options.case_name},
                        {"preset", options.preset},
                        {"resolution", options.cell.empty() ? options.resolution : "custom"},
                        {"dimension", Dim},
@@ -353,10 +273,159 @@ int run(const Options& options, const Case& collapse) {
                        {"seed", seeding.seed},
                        {"wall_friction", setup.wall_friction},
                        {"gate_friction", setup.gate_friction},
-                       {"gate_opening_time_s", opening},
+                       {"gate_opening_time_s", setup.gate.opening_time},
                        {"time_step_s", params.time_step},
-                       {"cfl", params.cfl},
-                       {"threads", params.threads}};
+                       {"cfl", params.cfl}};
+
+  // All input is known to be good: from here on files are written.
+  const fs::path out = options.common.prepare_out();
+  const fs::path summary_file = out / "summary.json";
+  support::Checkpoints checkpoints(out, options.resume, inputs);
+  if (checkpoints.finished()) {
+    if (!options.common.quiet)
+      std::printf("%s: finished already\n", summary_file.c_str());
+    return 0;
+  }
+  const std::optional<json> earlier = checkpoints.resume(sim);
+  fs::remove(summary_file); // a summary always belongs to a finished run
+  if (options.vtk != "none")
+    fs::create_directories(out / "vtk");
+  struct Table {
+    const char* name;
+    std::vector<std::string> columns;
+    talus::CsvWriter file{};
+  };
+  std::array<Table, 3> tables{
+      {{"front.csv",
+        {"time_s", "front_m", "runout_m", "height_wall_m", "speed_max_m_s", "volume_m3",
+         "gate_height_m"}},
+       {"profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"}},
+       {"sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"}}}};
+  auto& [front, profiles, sections] = tables;
+  for (Table& table : tables)
+    if (earlier)
+      table.file.resume(out / table.name, table.columns,
+                        earlier->at("bytes").at(table.name).template get<std::uintmax_t>());
+    else
+      table.file.open(out / table.name, table.columns);
+  std::optional<talus::VtkSeries> particle_series, grid_series;
+  if (options.vtk != "none") {
+    particle_series.emplace(out / "particles.pvd");
+    grid_series.emplace(out / "grid.pvd");
+  }
+
+  const double opening = setup.gate.opening_time;
+  const double last_time = opening + options.end_time.value_or(options.max_time);
+  talus::RestDetector rest(threshold_speed, rest_hold);
+  Measurement now;
+  support::SolverStatistics statistics;
+  double next_sample = 0, next_snapshot = opening, earlier_seconds = 0;
+  std::vector<double> frames; // times of the snapshots
+  const auto snapshot = [&](bool last) {
+    const double time = sim.time() - opening;
+    write_snapshot(sim, time, profiles.file, sections.file);
+    if (options.vtk == "all" || (last && options.vtk == "last"))
+      write_vtk(sim, time, out, *particle_series, *grid_series, frames.size());
+    frames.push_back(time);
+  };
+  const support::Stopwatch stopwatch;
+  const auto seconds = [&] { return earlier_seconds + stopwatch.seconds(); };
+  const auto save = [&] {
+    json bytes;
+    for (Table& table : tables)
+      bytes[table.name] = table.file.size();
+    checkpoints.save(sim, {{"bytes", bytes},
+                           {"next_sample", next_sample},
+                           {"next_snapshot", next_snapshot},
+                           {"frames", frames},
+                           {"last_motion", rest.last_motion()},
+                           {"measured", {now.front, now.height_wall, now.volume}},
+                           {"statistics", statistics.state()},
+                           {"seconds", seconds()}});
+  };
+  if (earlier) {
+    earlier->at("next_sample").get_to(next_sample);
+    earlier->at("next_snapshot").get_to(next_snapshot);
+    earlier->at("frames").get_to(frames);
+    earlier->at("seconds").get_to(earlier_seconds);
+    rest.update(earlier->at("last_motion"), std::numeric_limits<double>::infinity());
+    const json& measured = earlier->at("measured");
+    now.front = measured.at(0);
+    now.height_wall = measured.at(1);
+    now.volume = measured.at(2);
+    statistics.restore(earlier->at("statistics"));
+    if (options.vtk == "all")
+      for (std::size_t frame = 0; frame < frames.size(); ++frame) {
+        particle_series->add(frames[frame], frame_file(out, "particles", frame));
+        grid_series->add(frames[frame], frame_file(out, "grid", frame));
+      }
+  }
+
+  talus::Progress progress("collapse " + options.case_name, {.quiet = options.common.quiet});
+  std::string status = "completed";
+  while (true) {
+    const double before = sim.time() - opening;
+    const talus::StepReport report = sim.step([&](const auto& problem) {
+      const std::size_t number = sim.steps() + 1;
+      if (std::ranges::find(options.record_problems, number) != options.record_problems.end())
+        talus::write_problem(out / ("problem_" + std::to_string(number) + ".talus"), problem);
+    });
+    statistics.add(report);
+    if (!report.completed()) {
+      status = "failed: the solver met numbers that are not finite";
+      break;
+    }
+    const double time = sim.time() - opening; // since the gate began to move
+    const double speed = talus::largest_speed(sim);
+    rest.update(std::max(0.0, time), speed);
+    const bool is_last =
+        sim.time() >= last_time - 0.5 * params.time_step ||
+        (!options.end_time && time > 0 && gate->speed(sim.time()) > 0 && rest.at_rest());
+    if (time + 0.5 * params.time_step >= next_sample || is_last) {
+      // The fields of the step are those at its start, before the particles moved on.
+      now.sample(sim, setup);
+      front.file.row(before, now.front, now.front - setup.column_length, now.height_wall, speed,
+                     now.volume, gate->bottom(sim.time()));
+      next_sample += options.sample_interval;
+    }
+    if (sim.time() + 0.5 * params.time_step >= next_snapshot || is_last) {
+      snapshot(is_last);
+      front.file.flush();
+      next_snapshot += options.snapshot_interval;
+    }
+    char text[96];
+    std::snprintf(text, sizeof text, "t = %.3f s, fastest %.3f m/s, run-out %.3f m, %d sweeps",
+                  time, speed, now.front - setup.column_length, report.solve.iterations);
+    progress.update(sim.time() / last_time, text);
+    if (is_last)
+      break;
+    if (support::interrupted()) {
+      status = "interrupted";
+      save();
+      snapshot(true);
+      break;
+    }
+    if (checkpoints.due())
+      save();
+  }
+  if (status == "completed" && !options.end_time && !rest.at_rest())
+    status = "not at rest after " + std::to_string(options.max_time) + " s";
+  progress.finish(status);
+  for (const std::size_t number : options.record_problems)
+    if (number > sim.steps())
+      std::fprintf(stderr, "--record-problem %zu: the run ended after %zu steps\n", number,
+                   sim.steps());
+  for (Table& table : tables)
+    table.file.close();
+
+  const double volume_loss = 1 - now.volume / material_volume;
+  const double runout = now.front - setup.column_length;
+  json summary;
+  summary["program"] = "collapse";
+  summary["versions"] = support::versions();
+  summary["status"] = status;
+  summary["inputs"] = inputs;
+  summary["threads"] = params.threads;
   summary["measured"] = {{"runout_m", runout},
                          {"height_final_m", now.height_wall},
                          {"rest_time_s", rest.last_motion()},
@@ -372,7 +441,7 @@ int run(const Options& options, const Case& collapse) {
   summary["solver"] = statistics.solver_json();
   summary["seconds"] = statistics.phase_json();
   summary["steps"] = sim.steps();
-  summary["wall_seconds"] = stopwatch.seconds();
+  summary["wall_seconds"] = seconds();
   summary["state_checksum"] = talus::state_checksum(sim.particles());
   support::write_json(summary_file, summary);
 
@@ -385,11 +454,14 @@ int run(const Options& options, const Case& collapse) {
     print_beside("final height (m)", now.height_wall, collapse.published, "height_final", "_m");
     print_beside("rest time (s)", rest.last_motion(), collapse.published, "rest_time", "_s");
     std::printf("%-18s %7.2f%%\n", "volume loss", 100 * volume_loss);
-    statistics.print(sim.steps(), stopwatch.seconds());
+    statistics.print(sim.steps(), seconds());
   }
   support::draw(options.common, "plot_collapse.py", out);
-  if (status == "interrupted")
+  if (status == "interrupted") {
+    std::fprintf(stderr, "to go on: the same command with --resume\n");
     return 130;
+  }
+  checkpoints.finish();
   return status.starts_with("failed") ? 1 : 0;
 }
 
@@ -440,6 +512,7 @@ int main(int argc, char** argv) {
   app.add_option("--dim", options.dimension, "Dimension")
       ->check(CLI::IsMember({2, 3}))
       ->capture_default_str();
+  support::add_resume_options(app, options.resume);
   support::add_policy_options(app, options.policies);
   app.add_option(
          "--solver", options.solver,

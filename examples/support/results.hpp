@@ -66,6 +66,32 @@ class SolverStatistics {
     seconds_.to_particles += report.seconds.to_particles;
   }
 
+  /// All sums, to go on with after a restart.
+  nlohmann::json state() const {
+    return {
+        {"steps", steps_},
+        {"not_converged", not_converged_},
+        {"local_misses", local_misses_},
+        {"cones_max", cones_max_},
+        {"outflow", outflow_},
+        {"iterations", iterations_},
+        {"iterations_max", iterations_max_},
+        {"residual_max", residual_max_},
+        {"seconds", {seconds_.to_grid, seconds_.assembly, seconds_.solve, seconds_.to_particles}}};
+  }
+  void restore(const nlohmann::json& state) {
+    state.at("steps").get_to(steps_);
+    state.at("not_converged").get_to(not_converged_);
+    state.at("local_misses").get_to(local_misses_);
+    state.at("cones_max").get_to(cones_max_);
+    state.at("outflow").get_to(outflow_);
+    state.at("iterations").get_to(iterations_);
+    state.at("iterations_max").get_to(iterations_max_);
+    state.at("residual_max").get_to(residual_max_);
+    const auto& seconds = state.at("seconds");
+    seconds_ = {seconds.at(0), seconds.at(1), seconds.at(2), seconds.at(3)};
+  }
+
   nlohmann::json solver_json() const {
     return {{"iterations_mean", iterations_mean()}, {"iterations_max", iterations_max_},
             {"residual_max", residual_max_},        {"steps_not_converged", not_converged_},

@@ -338,3 +338,21 @@ TEST_CASE("progress: durations") {
   CHECK(talus::Progress::duration(7620) == "2 h 07 min");
   CHECK(talus::Progress::duration(std::numeric_limits<double>::infinity()).ends_with(" min"));
 }
+
+TEST_CASE("CSV: a table goes on where it was") {
+  const Folder folder;
+  CsvWriter table(folder / "a.csv", {"x", "y"});
+  table.row(1, 2);
+  const auto bytes = table.size();
+  table.row(3, 4);
+  table.close();
+  table.resume(folder / "a.csv", {"x", "y"}, bytes);
+  table.row(5, 6);
+  table.close();
+  CHECK(content(folder / "a.csv") == "x,y\n1,2\n5,6\n");
+  CHECK(contains(message_of<std::runtime_error>([&] {
+                   CsvWriter().resume(folder / "a.csv", {"x", "y"}, 1000);
+                 }),
+                 "it has 12 bytes instead of 1000"));
+  CHECK_THROWS_AS(CsvWriter().resume(folder / "none.csv", {"x"}, 0), std::runtime_error);
+}

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <charconv>
 #include <concepts>
+#include <cstdint>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -57,6 +58,33 @@ class CsvWriter {
       append(column);
     end_row();
     flush(); // what cannot be written is known at once
+  }
+
+  /// Goes on with a file that open() made: keeps its first `bytes` bytes, as size() gave them, and
+  /// writes after them. Throws std::runtime_error if the file is shorter or cannot be written.
+  void resume(const std::filesystem::path& path, const std::vector<std::string>& columns,
+              std::uintmax_t bytes) {
+    close();
+    path_ = path;
+    columns_ = columns.size();
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    if (!error && size < bytes)
+      throw std::runtime_error("cannot go on with " + path.string() + ": it has " +
+                               std::to_string(size) + " bytes instead of " + std::to_string(bytes));
+    if (!error)
+      std::filesystem::resize_file(path, bytes, error);
+    if (error)
+      fail(error.value());
+    file_.reset(std::fopen(path.string().c_str(), "a"));
+    if (!file_)
+      fail(errno);
+  }
+
+  /// Bytes written so far. Flushes.
+  std::uintmax_t size() {
+    flush();
+    return std::filesystem::file_size(path_);
   }
 
   bool is_open() const { return file_ != nullptr; }
