@@ -341,7 +341,7 @@ TEST_CASE("progress: durations") {
 
 TEST_CASE("CSV: a table goes on where it was") {
   const Folder folder;
-  CsvWriter table(folder / "a.csv", {"x", "y"});
+  talus::CsvWriter table(folder / "a.csv", {"x", "y"});
   table.row(1, 2);
   const auto bytes = table.size();
   table.row(3, 4);
@@ -351,8 +351,8 @@ TEST_CASE("CSV: a table goes on where it was") {
   table.close();
   CHECK(content(folder / "a.csv") == "x,y\n1,2\n5,6\n");
   CHECK(contains(message_of<std::runtime_error>([&] {
-                   CsvWriter().resume(folder / "a.csv", {"x", "y"}, 1000);
+                   talus::CsvWriter().resume(folder / "a.csv", {"x", "y"}, 1000);
                  }),
                  "it has 12 bytes instead of 1000"));
-  CHECK_THROWS_AS(CsvWriter().resume(folder / "none.csv", {"x"}, 0), std::runtime_error);
+  CHECK_THROWS_AS(talus::CsvWriter().resume(folder / "none.csv", {"x"}, 0), std::runtime_error);
 }
