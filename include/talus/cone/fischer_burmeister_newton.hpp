@@ -6,10 +6,10 @@
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
-#include <Eigen/LU>
-
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <type_traits>
 
@@ -29,12 +29,22 @@ class FischerBurmeisterNewton {
     int max_iterations = 60;  ///< per start
   };
 
+  /// Vectors of N numbers and N equations with their right-hand sides, filled with zeros so that
+  /// all loads and stores are of whole registers: a load of what was stored in parts waits for it.
+  template <int N>
+  static constexpr int width = (N + 4) / 4 * 4;
+  template <int N, class Scalar>
+  using Wide = Vec<width<N>, Scalar>;
+  template <int N, class Scalar>
+  using Rows =
+      Eigen::Matrix<Scalar, width<N>, N>; ///< one equation a column, entry N its right side
+
   /// W and μ in units of `scale`.
   template <class Law, int N, class Scalar = double>
   struct Prepared {
-    Mat<N, Scalar> w = Mat<N, Scalar>::Identity(); ///< W / scale
-    Scalar scale = 0;                              ///< tr W / N
-    Scalar friction = 0;                           ///< μ
+    Rows<N, Scalar> w = Rows<N, Scalar>::Zero(); ///< W / scale
+    Scalar scale = 0;                            ///< tr W / N
+    Scalar friction = 0;                         ///< μ
   };
 
   FischerBurmeisterNewton() = default;
@@ -52,7 +62,7 @@ class FischerBurmeisterNewton {
     p.scale = w.trace() / N;
     p.friction = friction;
     if (p.scale > 0)
-      p.w = w / p.scale;
+      p.w.template topRows<N>() = w / p.scale;
     return p;
   }
 
@@ -65,34 +75,83 @@ class FischerBurmeisterNewton {
       return {LocalStatus::open, 0, 0};
     }
     const Scalar unit = size / p.scale;
-    const Vec<N, Scalar> b_scaled = b / size;
-    Iterate<Law, N, Scalar> best(p, b_scaled, lambda / unit);
+    Wide<N, Scalar> b_scaled = Wide<N, Scalar>::Zero(), start = b_scaled;
+    b_scaled.template head<N>() = b / size;
+    start.template head<N>() = lambda / unit;
+    Iterate<Law, N, Scalar> best(p, b_scaled, start);
     int iterations = newton(p, b_scaled, best);
     for (int attempt = 0; attempt < 2 && !met(best); ++attempt) {
-      Vec<N, Scalar> start = Vec<N, Scalar>::Zero();
+      start.setZero();
       if (attempt == 0)
-        start = project_on_cone<N, Scalar>(-b_scaled, p.friction);
+        start.template head<N>() = project_on_cone<N, Scalar>(-b / size, p.friction);
       Iterate<Law, N, Scalar> other(p, b_scaled, start);
       iterations += newton(p, b_scaled, other);
       if (other.merit < best.merit)
         best = other;
     }
-    lambda = best.lambda * unit;
+    lambda = best.lambda.template head<N>() * unit;
     return {met(best) ? classify(best, p.friction) : LocalStatus::not_converged, iterations,
             static_cast<double>(std::sqrt(best.merit) / best.size())};
   }
 
  private:
+  /// λ, and f = f_MFB(W λ + b, λ) there.
   template <class Law, int N, class Scalar>
   struct Iterate {
-    Vec<N, Scalar> lambda, gamma, f;
+    Wide<N, Scalar> lambda, gamma, f;
     Scalar merit; ///< |f|²
 
-    Iterate(const Prepared<Law, N, Scalar>& p, const Vec<N, Scalar>& b, const Vec<N, Scalar>& start)
-        : lambda(start), gamma(p.w * start + b), f(law_residual(Law{}, gamma, lambda, p.friction)),
-          merit(f.squaredNorm()) {}
+    Iterate(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
+            const Wide<N, Scalar>& start)
+        : lambda(start), gamma(b) {
+      for (int j = 0; j < N; ++j)
+        gamma += lambda[j] * p.w.col(j);
+      f = residual<Law, N, Scalar>(gamma, lambda, p.friction);
+      merit = f.squaredNorm();
+    }
     Scalar size() const { return 1 + lambda.norm(); }
   };
+
+  /// The identity: e_k, in whole registers, is its column k.
+  template <class Vector>
+  static Eigen::Map<const Vector> unit(int k) {
+    constexpr std::size_t size = static_cast<std::size_t>(Vector::RowsAtCompileTime);
+    using Scalar = typename Vector::Scalar;
+    static constexpr auto identity = [] {
+      std::array<Scalar, size * size> entries{};
+      for (std::size_t i = 0; i < size; ++i)
+        entries[i * size + i] = 1;
+      return entries;
+    }();
+    return Eigen::Map<const Vector>(identity.data() + static_cast<std::size_t>(k) * size);
+  }
+
+  /// ĝ = (γ̃_N, μ γ̃_T) and λ̂ = (μ λ_N, λ_T).
+  template <class Law, int N, class Scalar>
+  static void hats(const Wide<N, Scalar>& gamma, const Wide<N, Scalar>& lambda, Scalar mu,
+                   Wide<N, Scalar>& x, Wide<N, Scalar>& y) {
+    const Wide<N, Scalar> gamma_t = tangential(gamma);
+    Scalar normal = gamma[0];
+    if constexpr (std::is_same_v<Law, CoulombLaw>)
+      normal += mu * gamma_t.norm();
+    x = mu * gamma_t + normal * unit<Wide<N, Scalar>>(0);
+    y = tangential(lambda) + (mu * lambda[0]) * unit<Wide<N, Scalar>>(0);
+  }
+
+  /// law_residual() for numbers near one.
+  template <class Law, int N, class Scalar>
+  static Wide<N, Scalar> residual(const Wide<N, Scalar>& gamma, const Wide<N, Scalar>& lambda,
+                                  Scalar mu) {
+    if (!(mu > Scalar(1e-30))) {
+      Wide<N, Scalar> f = Wide<N, Scalar>::Zero();
+      f.template head<N>() =
+          law_residual<N, Scalar>(Law{}, gamma.template head<N>(), lambda.template head<N>(), mu);
+      return f;
+    }
+    Wide<N, Scalar> x, y;
+    hats<Law, N, Scalar>(gamma, lambda, mu, x, y);
+    return fischer_burmeister_unscaled<width<N>, Scalar>(x, y); // zeros stay zeros
+  }
 
   template <class State>
   bool met(const State& state) const {
@@ -101,7 +160,7 @@ class FischerBurmeisterNewton {
 
   template <class Law, int N, class Scalar>
   static LocalStatus classify(const Iterate<Law, N, Scalar>& state, Scalar friction) {
-    const Scalar tangent = state.lambda.template tail<N - 1>().norm();
+    const Scalar tangent = tangential(state.lambda).norm();
     if (state.lambda.norm() <= std::sqrt(state.merit))
       return LocalStatus::open;
     return tangent < friction * state.lambda[0] * (1 - Scalar(1e-6)) ? LocalStatus::stick
@@ -110,97 +169,129 @@ class FischerBurmeisterNewton {
 
   /// Runs from `state` until it meets the tolerance or stalls; returns the number of iterations.
   template <class Law, int N, class Scalar>
-  int newton(const Prepared<Law, N, Scalar>& p, const Vec<N, Scalar>& b,
+  int newton(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
              Iterate<Law, N, Scalar>& state) const noexcept {
     int iterations = 0;
     while (iterations < params_.max_iterations && !met(state) && std::isfinite(state.merit)) {
       ++iterations;
-      const Mat<N, Scalar> jacobian = derivative<Law>(p, state);
-      Vec<N, Scalar> step = jacobian.partialPivLu().solve(-state.f);
-      const Vec<N, Scalar> gradient = jacobian.transpose() * state.f;
-      if (!step.allFinite() || !(gradient.dot(step) < 0))
-        step = -gradient;
-      const Scalar slope = gradient.dot(step);
-      if (!(slope < 0))
+      // J = L_s⁻¹ A, so J d = −f is A d = −L_s f, and the slope of |f|²/2 along d is −|f|².
+      Wide<N, Scalar> s, step = Wide<N, Scalar>::Zero();
+      const Rows<N, Scalar> a = equations(p, state, s);
+      if (eliminate<N, Scalar>(a, step) && search(p, b, state, step, -state.merit))
+        continue;
+      // singular, or nearly: down the gradient Jᵀ f = Aᵀ L_s⁻¹ f
+      const Wide<N, Scalar> quotient = jordan_quotient(state.f, s);
+      step.setZero();
+      for (int i = 0; i < N; ++i)
+        step.template head<N>() -= quotient[i] * a.col(i).template head<N>();
+      if (!search(p, b, state, step, -step.squaredNorm()))
         break;
-      Scalar length = 1;
-      Iterate<Law, N, Scalar> next(p, b, state.lambda + step);
-      while (!(next.merit <= state.merit + Scalar(2e-4) * length * slope) &&
-             length > Scalar(1e-10)) {
-        length /= 2;
-        next = Iterate<Law, N, Scalar>(p, b, state.lambda + length * step);
-      }
-      if (!(next.merit < state.merit))
-        break;
-      state = next;
     }
     return iterations;
   }
 
-  /// An element of the generalised Jacobian of λ ↦ f(ĝ, λ̂).
+  /// Halves the step until |f|² falls enough. False, and `state` as it was, if it does not fall.
   template <class Law, int N, class Scalar>
-  static Mat<N, Scalar> derivative(const Prepared<Law, N, Scalar>& p,
-                                   const Iterate<Law, N, Scalar>& state) {
+  static bool search(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
+                     Iterate<Law, N, Scalar>& state, const Wide<N, Scalar>& step,
+                     Scalar slope) noexcept {
+    if (!step.allFinite() || !(slope < 0))
+      return false;
+    for (Scalar length = 1; length > Scalar(1e-10); length /= 2) {
+      const Iterate<Law, N, Scalar> next(p, b, state.lambda + length * step);
+      if (next.merit < state.merit && next.merit <= state.merit + Scalar(2e-4) * length * slope) {
+        state = next;
+        return true;
+      }
+    }
+    return false;
+  }
+
+  /// x∘y = (x·y, x_N y_T + y_N x_T).
+  template <class Vector>
+  static Vector jordan_product(const Vector& x, const Vector& y) {
+    return x[0] * tangential(y) + y[0] * tangential(x) + x.dot(y) * unit<Vector>(0);
+  }
+
+  /// The y with s∘y = x, for s inside the cone.
+  template <class Vector>
+  static Vector jordan_quotient(const Vector& x, const Vector& s) {
+    const Vector s_t = tangential(s);
+    const auto tangent = s_t.norm(), det = (s[0] - tangent) * (s[0] + tangent);
+    const auto normal = (s[0] * x[0] - s_t.dot(x)) / det;
+    return (tangential(x) - normal * s_t) / s[0] + normal * unit<Vector>(0);
+  }
+
+  /// x = A⁻¹ r by Gauss–Jordan elimination. Rows are swapped only where the pivot is a tenth of the
+  /// largest or less, so that the search for that one is seldom waited for. False if a pivot
+  /// vanishes.
+  template <int N, class Scalar>
+  static bool eliminate(Rows<N, Scalar> a, Wide<N, Scalar>& x) noexcept {
+    for (int k = 0; k < N; ++k) {
+      int largest = k;
+      for (int i = k + 1; i < N; ++i)
+        if (std::abs(a(k, i)) > std::abs(a(k, largest)))
+          largest = i;
+      if (std::abs(a(k, k)) <= Scalar(0.1) * std::abs(a(k, largest)))
+        a.col(k).swap(a.col(largest));
+      if (!(std::abs(a(k, k)) > 0))
+        return false;
+      const Wide<N, Scalar> pivot = a.col(k) * (1 / a(k, k));
+      for (int i = 0; i < N; ++i)
+        a.col(i) = i == k ? pivot : Wide<N, Scalar>(a.col(i) - a(k, i) * pivot);
+    }
+    for (int i = 0; i < N; ++i)
+      x[i] = a(N, i);
+    return true;
+  }
+
+  /// The rows of A d = −L_s f and s, where A = L_s J and J is an element of the generalised
+  /// Jacobian of λ ↦ f = x + y − s with x = ĝ, y = λ̂, s∘s = x∘x + y∘y: from L_s ds = L_x dx + L_y
+  /// dy, A = L_{s−x} dx + L_{s−y} dy.
+  template <class Law, int N, class Scalar>
+  static Rows<N, Scalar> equations(const Prepared<Law, N, Scalar>& p,
+                                   const Iterate<Law, N, Scalar>& state, Wide<N, Scalar>& s) {
+    using Vector = Wide<N, Scalar>;
     const Scalar mu = p.friction;
-    if (!(mu > 0)) {
-      Mat<N, Scalar> j = Mat<N, Scalar>::Identity();
+    Rows<N, Scalar> a;
+    if (!(mu > 0)) { // f = (x_N + y_N − hypot(x_N, y_N), λ_T): no product, s = e_N
+      s = unit<Vector>(0);
       const Scalar size = std::hypot(state.gamma[0], state.lambda[0]);
       const Scalar dx = 1 - (size > 0 ? state.gamma[0] / size : std::sqrt(Scalar(0.5)));
       const Scalar dy = 1 - (size > 0 ? state.lambda[0] / size : std::sqrt(Scalar(0.5)));
-      j.row(0) = dx * p.w.row(0);
-      j(0, 0) += dy;
-      return j;
+      for (int i = 0; i < N; ++i)
+        a.col(i) = (i == 0 ? Vector(dx * p.w.col(0) + dy * unit<Vector>(0)) : unit<Vector>(i)) -
+                   state.f[i] * unit<Vector>(N);
+      return a;
     }
-    Vec<N, Scalar> x = state.gamma, y = state.lambda; // ĝ and λ̂
-    Mat<N, Scalar> dx = p.w;                          // dĝ/dλ
-    dx.template bottomRows<N - 1>() *= mu;
-    x.template tail<N - 1>() *= mu;
-    y[0] *= mu;
-    if constexpr (std::is_same_v<Law, CoulombLaw>) {
-      const Scalar tangent = state.gamma.template tail<N - 1>().norm();
-      x[0] += mu * tangent;
-      // where γ_T = 0, 0 is in the subdifferential of its norm
-      if (tangent > 0)
-        dx.row(0) += (mu / tangent) * (state.gamma.template tail<N - 1>().transpose() *
-                                       p.w.template bottomRows<N - 1>());
-    }
-    // f = x + y − s with s∘s = z = x∘x + y∘y, so L_s ds = L_x dx + L_y dy.
-    const Scalar larger = std::max(x.norm(), y.norm());
-    const Scalar zero_norm = x.squaredNorm() + y.squaredNorm();
-    const Vec<N - 1, Scalar> z_t =
-        2 * (x[0] * x.template tail<N - 1>() + y[0] * y.template tail<N - 1>());
-    const Scalar difference = std::max(Scalar(0), zero_norm - z_t.norm());
+    Vector x, y;
+    hats<Law, N, Scalar>(state.gamma, state.lambda, mu, x, y);
+    s = x + y - state.f;
     // On the edge L_s is singular; a point at a rounding-sized distance inside gives a valid
     // element.
-    const Scalar low = std::max(std::sqrt(difference),
-                                std::numeric_limits<Scalar>::epsilon() * (larger > 0 ? larger : 1));
-    const Scalar high = std::max(low, std::sqrt(zero_norm + z_t.norm()));
-    const Scalar s0 = (low + high) / 2;
-    const Vec<N - 1, Scalar> direction = z_t.norm() > 0
-                                             ? Vec<N - 1, Scalar>(z_t / z_t.norm())
-                                             : Vec<N - 1, Scalar>(Vec<N - 1, Scalar>::Zero());
-    const Vec<N - 1, Scalar> s_t = (high - low) / 2 * direction;
-    // L_s⁻¹ applied to the arrow matrices of x and y
-    const Scalar det = low * high;
-    Mat<N, Scalar> inverse;
-    inverse(0, 0) = s0 / det;
-    inverse.template topRightCorner<1, N - 1>() = -s_t.transpose() / det;
-    inverse.template bottomLeftCorner<N - 1, 1>() = -s_t / det;
-    inverse.template bottomRightCorner<N - 1, N - 1>() =
-        (Mat<N - 1, Scalar>::Identity() + s_t * s_t.transpose() / det) / s0;
-    const Mat<N, Scalar> px = Mat<N, Scalar>::Identity() - inverse * arrow(x);
-    Mat<N, Scalar> py = Mat<N, Scalar>::Identity() - inverse * arrow(y);
-    py.col(0) *= mu; // dλ̂/dλ
-    return px * dx + py;
-  }
-
-  /// L_x: y ↦ x∘y.
-  template <int N, class Scalar>
-  static Mat<N, Scalar> arrow(const Vec<N, Scalar>& x) {
-    Mat<N, Scalar> l = x[0] * Mat<N, Scalar>::Identity();
-    l.template topRightCorner<1, N - 1>() = x.template tail<N - 1>().transpose();
-    l.template bottomLeftCorner<N - 1, 1>() = x.template tail<N - 1>();
-    return l;
+    const Scalar larger = std::max(x.norm(), y.norm());
+    const Scalar least =
+        tangential(s).norm() + std::numeric_limits<Scalar>::epsilon() * (larger > 0 ? larger : 1);
+    s = tangential(s) + std::max(s[0], least) * unit<Vector>(0);
+    const Vector u = s - x, v = s - y, right = jordan_product(s, state.f);
+    Vector first = p.w.col(0); // dĝ_N/dλ; W is symmetric: its columns are its rows
+    if constexpr (std::is_same_v<Law, CoulombLaw>) {
+      const Vector gamma_t = tangential(state.gamma);
+      const Scalar tangent = gamma_t.norm();
+      if (tangent > 0) // where γ_T = 0, 0 is in the subdifferential of its norm
+        for (int i = 1; i < N; ++i)
+          first += (mu / tangent * gamma_t[i]) * p.w.col(i);
+    }
+    // dλ̂/dλ = diag(μ, 1, …)
+    Vector top =
+        u[0] * first + tangential(v) + (mu * v[0]) * unit<Vector>(0) - right[0] * unit<Vector>(N);
+    for (int i = 1; i < N; ++i) {
+      top += (mu * u[i]) * p.w.col(i);
+      a.col(i) = (u[0] * mu) * p.w.col(i) + u[i] * first + v[0] * unit<Vector>(i) +
+                 (mu * v[i]) * unit<Vector>(0) - right[i] * unit<Vector>(N);
+    }
+    a.col(0) = top;
+    return a;
   }
 
   Params params_{};

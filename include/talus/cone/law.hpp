@@ -4,7 +4,9 @@
 #include "talus/core/types.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 
 /// \file
 /// Coulomb's law in R^N and the functions that tell how far a pair (γ, λ) is from it. Vectors are
@@ -19,17 +21,31 @@ struct CoulombLaw {};
 /// s frozen it is convex. Callers put s into b_N.
 struct AssociatedLaw {};
 
-/// f(x, y) = x + y − (x∘x + y∘y)^{1/2} on the Jordan algebra of K_1: zero if and only if
-/// K_1 ∋ x ⊥ y ∈ K_1 (Fukushima, Luo & Tseng 2002). x, y: N.
+/// e_K. From memory, so that sums with it work on whole registers.
+template <int N, class Scalar, int K>
+Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned> basis_vector() {
+  static constexpr auto values = [] {
+    std::array<Scalar, static_cast<std::size_t>(N)> e{};
+    e[static_cast<std::size_t>(K)] = 1;
+    return e;
+  }();
+  return Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned>(values.data());
+}
+
+/// x with 0 in place of x_N.
 template <int N, class Scalar>
-Vec<N, Scalar> fischer_burmeister(const Vec<N, Scalar>& x, const Vec<N, Scalar>& y) {
-  using std::abs, std::max, std::sqrt;
-  const Scalar scale = max(x.cwiseAbs().maxCoeff(), y.cwiseAbs().maxCoeff());
-  if (!(scale > 0))
-    return scale == 0 ? Vec<N, Scalar>(Vec<N, Scalar>::Zero()) : Vec<N, Scalar>(x + y);
-  const Scalar a = x[0] / scale, b = y[0] / scale;
-  const Vec<N - 1, Scalar> p = x.template tail<N - 1>() / scale,
-                           q = y.template tail<N - 1>() / scale;
+Vec<N, Scalar> tangential(const Eigen::Matrix<Scalar, N, 1>& x) {
+  return x - x[0] * basis_vector<N, Scalar, 0>();
+}
+
+/// f(x, y) = x + y − (x∘x + y∘y)^{1/2} on the Jordan algebra of K_1: zero if and only if
+/// K_1 ∋ x ⊥ y ∈ K_1 (Fukushima, Luo & Tseng 2002). x, y: N, not both zero, and such that the
+/// fourth powers of their entries neither overflow nor vanish together.
+template <int N, class Scalar>
+Vec<N, Scalar> fischer_burmeister_unscaled(const Vec<N, Scalar>& x, const Vec<N, Scalar>& y) {
+  using std::max, std::sqrt;
+  const Scalar a = x[0], b = y[0];
+  const Vec<N, Scalar> p = tangential(x), q = tangential(y);
   const Scalar pp = p.squaredNorm(), qq = q.squaredNorm(), pq = p.dot(q);
   // With z = x∘x + y∘y: z_0² − |z_T|² as a sum of squares, since the difference itself would lose
   // half of the digits where z is near the edge of the cone.
@@ -39,10 +55,16 @@ Vec<N, Scalar> fischer_burmeister(const Vec<N, Scalar>& x, const Vec<N, Scalar>&
   const Scalar det =
       x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + (a * q - b * p).squaredNorm());
   const Scalar s0 = sqrt((a * a + b * b + pp + qq + sqrt(det)) / 2);
-  Vec<N, Scalar> f;
-  f[0] = a + b - s0;
-  f.template tail<N - 1>() = p + q - (a * p + b * q) / s0;
-  return scale * f;
+  return p + q - (a * p + b * q) / s0 + (a + b - s0) * basis_vector<N, Scalar, 0>();
+}
+
+/// The same for any x and y.
+template <int N, class Scalar>
+Vec<N, Scalar> fischer_burmeister(const Vec<N, Scalar>& x, const Vec<N, Scalar>& y) {
+  const Scalar scale = std::max(x.cwiseAbs().maxCoeff(), y.cwiseAbs().maxCoeff());
+  if (!(scale > 0))
+    return scale == 0 ? Vec<N, Scalar>(Vec<N, Scalar>::Zero()) : Vec<N, Scalar>(x + y);
+  return scale * fischer_burmeister_unscaled<N, Scalar>(x / scale, y / scale);
 }
 
 /// f_MFB of the associated law: f(ĝ, λ̂) with λ̂ = (μ λ_N, λ_T), ĝ = (γ̃_N, μ γ̃_T). γ̃ and λ in one
