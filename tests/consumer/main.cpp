@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: MIT
+// A user's program in two files, both of which include everything: heaps in 2-D and in 3-D.
+
+#include <talus/talus.hpp>
+
+#include <cstdio>
+
+double slump_in_3d(); // other.cpp
+
+int main() {
+  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+  Sim::Params params;
+  params.grid = {.origin = {0, 0}, .size = {0.6, 0.2}, .cells = {30, 10}};
+  params.material.density = 1500;
+  params.gravity = {0, -9.81};
+  params.time_step = 1e-3;
+  params.rheology.mu = 0.44;
+  params.faces.lower[1] = {talus::FaceKind::stick, 0};
+  talus::Particles<2> sand;
+  talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {});
+  Sim sim(params, sand);
+  for (int n = 0; n < 50; ++n)
+    if (sim.step().solve.status != talus::SolveStatus::converged)
+      return 1;
+  const double front = talus::front_position(talus::measure_profile(sim), 0.01);
+  const double other = slump_in_3d();
+  std::printf("talus " TALUS_VERSION ": %.3f m in 2-D, %.3f m in 3-D\n", front, other);
+  return front > 0.15 && other > 0.15 ? 0 : 1;
+}
