@@ -117,15 +117,16 @@ inline GrainMaterial grain_material(const std::string& name, const Toml& file) {
   const talus::InertialNumber inertial{
       .grain_diameter = material.grain_diameter, .density = material.density, .strain_factor = 1};
   if (file.has("I_0"))
-    material.mu_of_i = talus::MuOfI::Params{.mu_static = file.number("mu_static"),
-                                            .mu_limit = file.number("mu_limit"),
-                                            .I_0 = file.number("I_0"),
+    material.mu_of_i = talus::MuOfI::Params{.law = {.mu_static = file.number("mu_static"),
+                                                    .mu_limit = file.number("mu_limit"),
+                                                    .I_0 = file.number("I_0")},
                                             .inertial = inertial};
   if (file.has("I_star"))
-    material.hysteretic = talus::HystereticFriction::Params{.mu = material.mu_stop,
-                                                            .mu_excess = file.number("mu_excess"),
-                                                            .I_star = file.number("I_star"),
-                                                            .inertial = inertial};
+    material.hysteretic =
+        talus::HystereticFriction::Params{.law = {.mu = material.mu_stop,
+                                                  .mu_excess = file.number("mu_excess"),
+                                                  .I_star = file.number("I_star")},
+                                          .inertial = inertial};
   return material;
 }
 
@@ -146,7 +147,7 @@ inline AnyRheology::Params rheology_params(const PolicyOptions& options,
   if (options.rheology == "hysteretic" && material.hysteretic) {
     talus::HystereticFriction::Params params = *material.hysteretic;
     if (step)
-      params.shape = talus::HystereticFriction::Shape::step;
+      params.law.shape = talus::HystereticCurve::Shape::step;
     return {params};
   }
   throw std::invalid_argument("--rheology is " + options.rheology +

@@ -77,11 +77,12 @@ struct [[nodiscard]] StepReport {
   SolveReport solve;
   PhaseSeconds seconds;
   std::size_t cones = 0, contacts = 0;
-  std::size_t outflow = 0;   ///< particles that left through free faces in this step
-  double outflow_volume = 0; ///< m^d
+  std::size_t invalid_friction = 0; ///< nodes whose friction law gave no finite μ ≥ 0
+  std::size_t outflow = 0;          ///< particles that left through free faces in this step
+  double outflow_volume = 0;        ///< m^d
 
-  /// False if the step was refused because numbers were not finite; particles and time are as
-  /// before.
+  /// False if the step was refused because numbers were not finite or friction was invalid;
+  /// particles and time are as before.
   bool completed() const { return solve.status != SolveStatus::not_finite; }
 };
 
@@ -177,13 +178,17 @@ class Simulation {
     choose_time_step();
     const auto t1 = Clock::now();
     collect_cones();
+    report.invalid_friction = count_invalid_friction();
     add_gravity();
     apply_faces();
     collect_contacts();
     apply_impulses(problem_, stencil_);
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
-    report.solve = solver_.solve(problem_, workspace_, params_.threads);
+    if (report.invalid_friction == 0)
+      report.solve = solver_.solve(problem_, workspace_, params_.threads);
+    else
+      report.solve.status = SolveStatus::not_finite;
     const auto t3 = Clock::now();
     if (report.completed()) {
       keep_stresses();
@@ -419,6 +424,13 @@ class Simulation {
       static_cast<void>(index);
     }
     return rheology_.friction(inertial_number_[j]);
+  }
+
+  std::size_t count_invalid_friction() const {
+    std::size_t count = 0;
+    for (const double mu : problem_.friction)
+      count += mu >= 0 && std::isfinite(mu) ? 0 : 1;
+    return count;
   }
 
   void add_gravity() {

@@ -31,6 +31,7 @@
 #include "talus/io/progress.hpp"
 #include "talus/io/vtk.hpp"
 #include "talus/particles.hpp"
+#include "talus/rheology/friction_law.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/rheology/rheology.hpp"
 #include "talus/scene/collapse.hpp"

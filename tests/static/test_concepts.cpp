@@ -4,6 +4,7 @@
 #include "talus/cone/fischer_burmeister_newton.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/rheology/laws.hpp"
+#include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/transfer/schemes.hpp"
 
@@ -45,6 +46,41 @@ struct RateDependentWithoutInertialNumber : Linear {
   using Linear::Linear;
 };
 static_assert(!Rheology<RateDependentWithoutInertialNumber>);
+
+template <class F>
+concept MakesAFrictionLaw = requires {
+  typename FrictionLaw<F>;
+};
+
+/// A function of the inertial number is enough.
+struct Line {
+  double mu = 0.3;
+  double operator()(double I) const { return mu + 0.1 * I; }
+};
+struct LineOfAnInteger {
+  double operator()(int* I) const { return *I; }
+};
+struct Words {
+  const char* operator()(double) const { return "rough"; }
+};
+struct NotConst {
+  double operator()(double I) { return I; }
+};
+using Lambda = decltype([](double I) { return 0.3 + 0.1 * I; });
+static_assert(FrictionFunction<Line> && FrictionFunction<Lambda> && FrictionFunction<MuOfICurve>);
+static_assert(Rheology<FrictionLaw<Line>> && Rheology<FrictionLaw<Lambda>>);
+static_assert(MakesAFrictionLaw<Line> && MakesAFrictionLaw<Lambda>);
+static_assert(!MakesAFrictionLaw<LineOfAnInteger> && !MakesAFrictionLaw<Words> &&
+              !MakesAFrictionLaw<NotConst> && !MakesAFrictionLaw<double> &&
+              !MakesAFrictionLaw<MuOfI>);
+static_assert(!Rheology<Line>); // not yet: it says nothing about I
+
+template <class R>
+concept MakesASimulation = requires {
+  typename Simulation<2, R, Apic, GaussSeidel<>>;
+};
+static_assert(MakesASimulation<FrictionLaw<Line>> && !MakesASimulation<Line> &&
+              !MakesASimulation<NoFriction> && !MakesASimulation<double>);
 
 struct NotAScheme {
   struct Params {};

@@ -2,8 +2,7 @@
 #pragma once
 
 #include "talus/core/error.hpp"
-#include "talus/rheology/inertial_number.hpp"
-#include "talus/rheology/rheology.hpp"
+#include "talus/rheology/friction_law.hpp"
 
 namespace talus {
 
@@ -27,71 +26,48 @@ class ConstantFriction {
 };
 
 /// μ(I) = μ_s + (μ_2 − μ_s) / (1 + I_0/I) (Jop, Forterre & Pouliquen 2006).
-class MuOfI {
- public:
-  struct Params {
-    double mu_static = 0.38; ///< μ_s, at I = 0
-    double mu_limit = 0.64;  ///< μ_2, for I → ∞; ≥ μ_s
-    double I_0 = 0.279;      ///< > 0
-    InertialNumber inertial{};
-  };
-  static constexpr bool rate_dependent = true;
+struct MuOfICurve {
+  double mu_static = 0.38; ///< μ_s, at I = 0
+  double mu_limit = 0.64;  ///< μ_2, for I → ∞; ≥ μ_s
+  double I_0 = 0.279;      ///< > 0
 
   /// Throws std::invalid_argument if a parameter is out of range.
-  explicit MuOfI(const Params& params) : params_(params) {
-    require_non_negative("rheology.mu_static", params_.mu_static);
-    require_positive("rheology.I_0", params_.I_0);
-    if (!(params_.mu_limit >= params_.mu_static))
-      throw_invalid("rheology.mu_limit", params_.mu_limit, "a number >= rheology.mu_static");
-    require_finite("rheology.mu_limit", params_.mu_limit);
-    params_.inertial.validate();
+  void validate() const {
+    require_non_negative("rheology.law.mu_static", mu_static);
+    require_positive("rheology.law.I_0", I_0);
+    if (!(mu_limit >= mu_static))
+      throw_invalid("rheology.law.mu_limit", mu_limit, "a number >= rheology.law.mu_static");
+    require_finite("rheology.law.mu_limit", mu_limit);
   }
-  double friction(double inertial_number) const {
-    if (!(inertial_number > 0))
-      return params_.mu_static;
-    return params_.mu_static +
-           (params_.mu_limit - params_.mu_static) / (1 + params_.I_0 / inertial_number);
+  double operator()(double I) const {
+    return I > 0 ? mu_static + (mu_limit - mu_static) / (1 + I_0 / I) : mu_static;
   }
-  const InertialNumber& inertial_number() const { return params_.inertial; }
-
- private:
-  Params params_;
 };
+using MuOfI = FrictionLaw<MuOfICurve>;
 
 /// Friction that is higher at rest, μ + Δμ, and falls to μ at I_* (Rousseau et al. 2023).
-class HystereticFriction {
- public:
+struct HystereticCurve {
   enum class Shape {
     ramp, ///< μ + Δμ (1 − I/I_*) below I_*: the paper's text
     step, ///< μ + Δμ below I_*: its authors' scripts
   };
-  struct Params {
-    double mu = 0.38;        ///< in flow
-    double mu_excess = 0.16; ///< Δμ
-    double I_star = 0.04;    ///< I_*, > 0
-    Shape shape = Shape::ramp;
-    InertialNumber inertial{};
-  };
-  static constexpr bool rate_dependent = true;
+  double mu = 0.38;        ///< in flow
+  double mu_excess = 0.16; ///< Δμ
+  double I_star = 0.04;    ///< I_*, > 0
+  Shape shape = Shape::ramp;
 
   /// Throws std::invalid_argument if a parameter is out of range.
-  explicit HystereticFriction(const Params& params) : params_(params) {
-    require_non_negative("rheology.mu", params_.mu);
-    require_non_negative("rheology.mu_excess", params_.mu_excess);
-    require_positive("rheology.I_star", params_.I_star);
-    params_.inertial.validate();
+  void validate() const {
+    require_non_negative("rheology.law.mu", mu);
+    require_non_negative("rheology.law.mu_excess", mu_excess);
+    require_positive("rheology.law.I_star", I_star);
   }
-  double friction(double inertial_number) const {
-    if (inertial_number >= params_.I_star)
-      return params_.mu;
-    if (params_.shape == Shape::step)
-      return params_.mu + params_.mu_excess;
-    return params_.mu + params_.mu_excess * (1 - inertial_number / params_.I_star);
+  double operator()(double I) const {
+    if (I >= I_star)
+      return mu;
+    return mu + mu_excess * (shape == Shape::step ? 1 : 1 - I / I_star);
   }
-  const InertialNumber& inertial_number() const { return params_.inertial; }
-
- private:
-  Params params_;
 };
+using HystereticFriction = FrictionLaw<HystereticCurve>;
 
 } // namespace talus

@@ -12,7 +12,7 @@ namespace talus {
 enum class SolveStatus {
   converged,     ///< the residual is at most the tolerance
   not_converged, ///< the iterations ran out; the velocities are finite and usable
-  not_finite,    ///< NaN or infinity turned up; the result must not be used
+  not_finite,    ///< NaN or infinity turned up, or no valid friction; not to be used
 };
 
 inline std::string_view to_string(SolveStatus status) {
