@@ -6,8 +6,7 @@
 
 #include "support/command_line.hpp"
 #include "support/policies.hpp"
-#include "support/results.hpp"
-#include "support/resume.hpp"
+#include "support/run.hpp"
 
 #include "talus/boundary/gate.hpp"
 #include "talus/cone/fischer_burmeister_newton.hpp"
@@ -16,8 +15,6 @@
 #include "talus/diagnostics/profile.hpp"
 #include "talus/io/csv.hpp"
 #include "talus/io/problem_file.hpp"
-#include "talus/io/progress.hpp"
-#include "talus/io/vtk.hpp"
 #include "talus/scene/collapse.hpp"
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
@@ -26,11 +23,9 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <filesystem>
 #include <limits>
 #include <optional>
 #include <stdexcept>
@@ -39,7 +34,6 @@
 
 namespace {
 
-namespace fs = std::filesystem;
 using nlohmann::json;
 
 constexpr double threshold_speed = 0.01;   // m/s: what the paper calls flowing
@@ -48,15 +42,14 @@ constexpr double rest_hold = 0.1;          // s without motion that end a run
 
 struct Options {
   std::string case_name = "B15", preset = "paper", resolution = "coarse", solver = "gauss-seidel";
-  std::string vtk = "all", seeding;
+  std::string seeding;
   int dimension = 3;
   support::PolicyOptions policies;
   std::optional<double> friction, wall_friction, gate_friction, width, end_time, time_step;
   std::optional<int> per_axis;
   std::vector<std::size_t> record_problems;
   std::vector<double> cell;
-  double jitter = talus::Seeding{}.jitter, max_time = 6, snapshot_interval = 0.1,
-         sample_interval = 0.01;
+  double jitter = talus::Seeding{}.jitter, max_time = 6;
   std::uint64_t seed = 1;
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
@@ -64,8 +57,7 @@ struct Options {
   double cfl = 0;
   talus::Packing packing;
   bool until_rest = false;
-  support::ResumeOptions resume;
-  support::CommonOptions common;
+  support::RunOptions run{.vtk = "all"};
 };
 
 /// A run of the paper: what is to be simulated and what is published of it.
@@ -128,59 +120,6 @@ class Measurement {
   double front = 0, height_wall = 0, volume = 0;
 };
 
-template <class Sim>
-void write_snapshot(const Sim& sim, double time, talus::CsvWriter& profiles,
-                    talus::CsvWriter& sections) {
-  constexpr int dim = Sim::dimension, up = talus::up_axis<dim>;
-  const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
-  for (std::size_t i = 0; i < profile.x.size(); ++i)
-    profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
-  for (int i = 0; i <= sim.grid().cells(0); ++i)
-    for (int k = 0; k <= sim.grid().cells(up); ++k) {
-      talus::Index<dim> node;
-      node[0] = i;
-      node[up] = k;
-      const talus::Vec<dim> x = sim.grid().node_position(node);
-      sections.row(time, x[0], x[up], sim.volume_fraction(node), sim.velocity(node).norm());
-    }
-  profiles.flush();
-  sections.flush();
-}
-
-/// kind: particles or grid.
-fs::path frame_file(const fs::path& out, const std::string& kind, std::size_t frame) {
-  char name[32];
-  std::snprintf(name, sizeof name, "_%04zu", frame);
-  return out / "vtk" / (kind + name + (kind == "grid" ? ".vti" : ".vtp"));
-}
-
-template <class Sim>
-void write_vtk(const Sim& sim, double time, const fs::path& out, talus::VtkSeries& particle_series,
-               talus::VtkSeries& grid_series, std::size_t frame) {
-  constexpr int dim = Sim::dimension;
-  const fs::path particles = frame_file(out, "particles", frame);
-  const fs::path grid = frame_file(out, "grid", frame);
-  talus::write_vtk_particles<dim>(particles, sim.particles().position,
-                                  {talus::vtk_field("velocity", sim.particles().velocity),
-                                   talus::vtk_field("volume", sim.particles().volume)});
-  particle_series.add(time, particles);
-  talus::Index<dim> nodes;
-  for (int a = 0; a < dim; ++a)
-    nodes[a] = sim.grid().cells(a) + 1;
-  using Node = talus::Index<dim>;
-  talus::write_vtk_image<dim>(
-      grid, sim.grid().origin(), sim.grid().spacing(), nodes,
-      {talus::vtk_node_field<dim>("volume_fraction", nodes,
-                                  [&](const Node& n) { return sim.volume_fraction(n); }),
-       talus::vtk_node_field<dim>("velocity", nodes,
-                                  [&](const Node& n) { return sim.velocity(n); }),
-       talus::vtk_node_field<dim>("pressure", nodes,
-                                  [&](const Node& n) { return sim.pressure(n); }),
-       talus::vtk_node_field<dim>("inertial_number", nodes,
-                                  [&](const Node& n) { return sim.inertial_number(n); })});
-  grid_series.add(time, grid);
-}
-
 /// One line of the table: a measured value beside the published ones, where there are any.
 void print_beside(const char* what, double measured, const json& published, const std::string& key,
                   const std::string& unit) {
@@ -227,7 +166,7 @@ int run(const Options& options, const Case& collapse) {
   params.solver.max_sweeps = options.max_sweeps;
   params.solver.momentum = options.momentum;
   params.packing = options.packing;
-  params.threads = options.common.threads;
+  params.threads = options.run.common.threads;
 
   talus::Seeding seeding;
   seeding.per_axis = options.per_axis.value_or(reference ? 6 : 3);
@@ -278,191 +217,87 @@ int run(const Options& options, const Case& collapse) {
                        {"cfl", params.cfl}};
 
   // All input is known to be good: from here on files are written.
-  const fs::path out = options.common.prepare_out();
-  const fs::path summary_file = out / "summary.json";
-  support::Checkpoints checkpoints(out, options.resume, inputs);
-  if (checkpoints.finished()) {
-    if (!options.common.quiet)
-      std::printf("%s: finished already\n", summary_file.c_str());
+  support::RunOptions run_options = options.run;
+  run_options.time_zero = setup.gate.opening_time;
+  run_options.end_time = options.end_time.value_or(options.max_time);
+  support::Run run(sim, "collapse", run_options, inputs, "collapse " + options.case_name);
+  if (run.finished())
     return 0;
-  }
-  const std::optional<json> earlier = checkpoints.resume(sim);
-  fs::remove(summary_file); // a summary always belongs to a finished run
-  if (options.vtk != "none")
-    fs::create_directories(out / "vtk");
-  struct Table {
-    const char* name;
-    std::vector<std::string> columns;
-    talus::CsvWriter file{};
+  talus::CsvWriter& front =
+      run.table("front.csv", {"time_s", "front_m", "runout_m", "height_wall_m", "speed_max_m_s",
+                              "volume_m3", "gate_height_m"});
+  talus::CsvWriter& profiles =
+      run.table("profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
+  run.on_snapshot = [&](double time) {
+    const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
+    for (std::size_t i = 0; i < profile.x.size(); ++i)
+      profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
   };
-  std::array<Table, 3> tables{
-      {{"front.csv",
-        {"time_s", "front_m", "runout_m", "height_wall_m", "speed_max_m_s", "volume_m3",
-         "gate_height_m"}},
-       {"profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"}},
-       {"sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"}}}};
-  auto& [front, profiles, sections] = tables;
-  for (Table& table : tables)
-    if (earlier)
-      table.file.resume(out / table.name, table.columns,
-                        earlier->at("bytes").at(table.name).template get<std::uintmax_t>());
-    else
-      table.file.open(out / table.name, table.columns);
-  std::optional<talus::VtkSeries> particle_series, grid_series;
-  if (options.vtk != "none") {
-    particle_series.emplace(out / "particles.pvd");
-    grid_series.emplace(out / "grid.pvd");
-  }
-
-  const double opening = setup.gate.opening_time;
-  const double last_time = opening + options.end_time.value_or(options.max_time);
   talus::RestDetector rest(threshold_speed, rest_hold);
+  run.keep(
+      "last_motion", [&] { return json(rest.last_motion()); },
+      [&](const json& time) { rest.update(time, std::numeric_limits<double>::infinity()); });
   Measurement now;
-  support::SolverStatistics statistics;
-  double next_sample = 0, next_snapshot = opening, earlier_seconds = 0;
-  std::vector<double> frames; // times of the snapshots
-  const auto snapshot = [&](bool last) {
-    const double time = sim.time() - opening;
-    write_snapshot(sim, time, profiles.file, sections.file);
-    if (options.vtk == "all" || (last && options.vtk == "last"))
-      write_vtk(sim, time, out, *particle_series, *grid_series, frames.size());
-    frames.push_back(time);
-  };
-  const support::Stopwatch stopwatch;
-  const auto seconds = [&] { return earlier_seconds + stopwatch.seconds(); };
-  const auto save = [&] {
-    json bytes;
-    for (Table& table : tables)
-      bytes[table.name] = table.file.size();
-    checkpoints.save(sim, {{"bytes", bytes},
-                           {"next_sample", next_sample},
-                           {"next_snapshot", next_snapshot},
-                           {"frames", frames},
-                           {"last_motion", rest.last_motion()},
-                           {"measured", {now.front, now.height_wall, now.volume}},
-                           {"statistics", statistics.state()},
-                           {"seconds", seconds()}});
-  };
-  if (earlier) {
-    earlier->at("next_sample").get_to(next_sample);
-    earlier->at("next_snapshot").get_to(next_snapshot);
-    earlier->at("frames").get_to(frames);
-    earlier->at("seconds").get_to(earlier_seconds);
-    rest.update(earlier->at("last_motion"), std::numeric_limits<double>::infinity());
-    const json& measured = earlier->at("measured");
-    now.front = measured.at(0);
-    now.height_wall = measured.at(1);
-    now.volume = measured.at(2);
-    statistics.restore(earlier->at("statistics"));
-    if (options.vtk == "all")
-      for (std::size_t frame = 0; frame < frames.size(); ++frame) {
-        particle_series->add(frames[frame], frame_file(out, "particles", frame));
-        grid_series->add(frames[frame], frame_file(out, "grid", frame));
-      }
-  }
+  run.keep("front", now.front);
+  run.keep("height_wall", now.height_wall);
+  run.keep("volume", now.volume);
 
-  talus::Progress progress("collapse " + options.case_name, {.quiet = options.common.quiet});
-  std::string status = "completed";
-  while (true) {
-    const double before = sim.time() - opening;
-    const talus::StepReport report = sim.step([&](const auto& problem) {
-      const std::size_t number = sim.steps() + 1;
-      if (std::ranges::find(options.record_problems, number) != options.record_problems.end())
-        talus::write_problem(out / ("problem_" + std::to_string(number) + ".talus"), problem);
-    });
-    statistics.add(report);
-    if (!report.completed()) {
-      status = "failed: the solver met numbers that are not finite";
-      break;
-    }
-    const double time = sim.time() - opening; // since the gate began to move
+  const auto record = [&](const auto& problem) {
+    const std::size_t number = sim.steps() + 1;
+    if (std::ranges::find(options.record_problems, number) != options.record_problems.end())
+      talus::write_problem(run.folder() / ("problem_" + std::to_string(number) + ".talus"),
+                           problem);
+  };
+  while (run.advance(record)) {
     const double speed = talus::largest_speed(sim);
-    rest.update(std::max(0.0, time), speed);
-    const bool is_last =
-        sim.time() >= last_time - 0.5 * params.time_step ||
-        (!options.end_time && time > 0 && gate->speed(sim.time()) > 0 && rest.at_rest());
-    if (time + 0.5 * params.time_step >= next_sample || is_last) {
+    rest.update(std::max(0.0, run.time()), speed);
+    if (!options.end_time && run.time() > 0 && gate->speed(sim.time()) > 0 && rest.at_rest())
+      run.stop();
+    if (run.sample_due()) {
       // The fields of the step are those at its start, before the particles moved on.
       now.sample(sim, setup);
-      front.file.row(before, now.front, now.front - setup.column_length, now.height_wall, speed,
-                     now.volume, gate->bottom(sim.time()));
-      next_sample += options.sample_interval;
-    }
-    if (sim.time() + 0.5 * params.time_step >= next_snapshot || is_last) {
-      snapshot(is_last);
-      front.file.flush();
-      next_snapshot += options.snapshot_interval;
+      front.row(run.time_before(), now.front, now.front - setup.column_length, now.height_wall,
+                speed, now.volume, gate->bottom(sim.time()));
     }
     char text[96];
     std::snprintf(text, sizeof text, "t = %.3f s, fastest %.3f m/s, run-out %.3f m, %d sweeps",
-                  time, speed, now.front - setup.column_length, report.solve.iterations);
-    progress.update(sim.time() / last_time, text);
-    if (is_last)
-      break;
-    if (support::interrupted()) {
-      status = "interrupted";
-      save();
-      snapshot(true);
-      break;
-    }
-    if (checkpoints.due())
-      save();
+                  run.time(), speed, now.front - setup.column_length,
+                  run.report().solve.iterations);
+    run.text = text;
   }
-  if (status == "completed" && !options.end_time && !rest.at_rest())
-    status = "not at rest after " + std::to_string(options.max_time) + " s";
-  progress.finish(status);
+  if (run.status == "completed" && !options.end_time && !rest.at_rest())
+    run.status = "not at rest after " + std::to_string(options.max_time) + " s";
   for (const std::size_t number : options.record_problems)
     if (number > sim.steps())
       std::fprintf(stderr, "--record-problem %zu: the run ended after %zu steps\n", number,
                    sim.steps());
-  for (Table& table : tables)
-    table.file.close();
 
   const double volume_loss = 1 - now.volume / material_volume;
   const double runout = now.front - setup.column_length;
-  json summary;
-  summary["program"] = "collapse";
-  summary["versions"] = support::versions();
-  summary["status"] = status;
-  summary["inputs"] = inputs;
-  summary["threads"] = params.threads;
-  summary["measured"] = {{"runout_m", runout},
-                         {"height_final_m", now.height_wall},
-                         {"rest_time_s", rest.last_motion()},
-                         {"volume_loss", volume_loss},
-                         {"material_volume", material_volume},
-                         {"end_time_s", sim.time() - opening}};
+  json measured = {{"runout_m", runout},
+                   {"height_final_m", now.height_wall},
+                   {"rest_time_s", rest.last_motion()},
+                   {"volume_loss", volume_loss},
+                   {"material_volume", material_volume},
+                   {"end_time_s", run.time()}};
   // The front may be thinner than a cell: how far the run-out hangs on the threshold.
   const talus::Profile deposit = talus::measure_profile(sim, 0, threshold_speed);
   for (int mm = 1; mm <= 5; ++mm)
-    summary["measured"]["runout_by_threshold_m"][std::to_string(mm) + " mm"] =
+    measured["runout_by_threshold_m"][std::to_string(mm) + " mm"] =
         talus::front_position(deposit, setup.bed_depth + 1e-3 * mm) - setup.column_length;
-  summary["published"] = collapse.published;
-  summary["solver"] = statistics.solver_json();
-  summary["seconds"] = statistics.phase_json();
-  summary["steps"] = sim.steps();
-  summary["wall_seconds"] = seconds();
-  summary["state_checksum"] = talus::state_checksum(sim.particles());
-  support::write_json(summary_file, summary);
+  run.write_summary({{"measured", measured}, {"published", collapse.published}});
 
-  if (!options.common.quiet) {
+  if (!options.run.common.quiet) {
     std::printf("%s, %s preset, %s, %d-D, %zu particles: %s\n", options.case_name.c_str(),
                 options.preset.c_str(), options.resolution.c_str(), Dim, sim.particles().size(),
-                status.c_str());
+                run.status.c_str());
     std::printf("%-18s %8s %21s %17s\n", "", "talus", "authors' simulation", "experiment");
     print_beside("run-out (m)", runout, collapse.published, "runout", "_m");
     print_beside("final height (m)", now.height_wall, collapse.published, "height_final", "_m");
     print_beside("rest time (s)", rest.last_motion(), collapse.published, "rest_time", "_s");
     std::printf("%-18s %7.2f%%\n", "volume loss", 100 * volume_loss);
-    statistics.print(sim.steps(), seconds());
   }
-  support::draw(options.common, "plot_collapse.py", out);
-  if (status == "interrupted") {
-    std::fprintf(stderr, "to go on: the same command with --resume\n");
-    return 130;
-  }
-  checkpoints.finish();
-  return status.starts_with("failed") ? 1 : 0;
+  return run.finish("plot_collapse.py");
 }
 
 template <class Solver>
@@ -476,10 +311,6 @@ int run_collapse(Options options) {
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
   if (options.seeding.empty())
     options.seeding = "jittered";
-  if (!(options.snapshot_interval > 0))
-    talus::throw_invalid("--snapshot-interval", options.snapshot_interval, "a number > 0");
-  if (!(options.sample_interval > 0))
-    talus::throw_invalid("--sample-interval", options.sample_interval, "a number > 0");
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
     talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
   talus::require_positive("--max-time", options.max_time);
@@ -512,7 +343,7 @@ int main(int argc, char** argv) {
   app.add_option("--dim", options.dimension, "Dimension")
       ->check(CLI::IsMember({2, 3}))
       ->capture_default_str();
-  support::add_resume_options(app, options.resume);
+  support::add_resume_options(app, options.run.resume);
   support::add_policy_options(app, options.policies);
   app.add_option(
          "--solver", options.solver,
@@ -559,16 +390,11 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"jittered", "random"}));
   app.add_option("--jitter", options.jitter, "Of the lattice, 0 to 1")->capture_default_str();
   app.add_option("--seed", options.seed, "Of the random numbers")->capture_default_str();
-  app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
-  app.add_option("--sample-interval", options.sample_interval, "Of front.csv, s")
-      ->capture_default_str();
-  app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
-      ->check(CLI::IsMember({"all", "last", "none"}))
-      ->capture_default_str();
+  support::add_snapshot_options(app, options.run);
   app.add_option(
       "--record-problem", options.record_problems,
       "Save the dual problem of step N (1 is the first) as problem_N.talus; may be given "
       "more than once");
-  support::add_common_options(app, options.common, "out/collapse");
+  support::add_common_options(app, options.run.common, "out/collapse");
   return support::run_program(app, argc, argv, [&] { return run_collapse(options); });
 }

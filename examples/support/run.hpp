@@ -1,0 +1,357 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "command_line.hpp"
+#include "results.hpp"
+#include "resume.hpp"
+
+#include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/io/csv.hpp"
+#include "talus/io/progress.hpp"
+#include "talus/io/vtk.hpp"
+#include "talus/simulation.hpp"
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include <cstdint>
+#include <cstdio>
+#include <functional>
+#include <list>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+/// \file
+/// The time loop that the example programs share: progress, tables, snapshots, checkpoints, summary
+/// and picture. A program says what is simulated and what is measured.
+
+namespace support {
+
+struct RunOptions {
+  double end_time = 1;  ///< s
+  double time_zero = 0; ///< s of the simulation: times are counted from here, in results, too
+  double sample_interval = 0.01, snapshot_interval = 0.1; ///< s
+  std::string vtk = "last"; ///< which snapshots to write for ParaView: all, last or none
+  int section_row = 0;      ///< row of nodes across that sections.csv shows (3-D)
+  ResumeOptions resume{};
+  CommonOptions common{};
+
+  /// Throws std::invalid_argument if a number is out of range.
+  void validate() const {
+    talus::require_positive("--snapshot-interval", snapshot_interval);
+    talus::require_positive("--sample-interval", sample_interval);
+    talus::require_positive("--end-time", end_time);
+  }
+};
+
+/// --snapshot-interval, --sample-interval, --vtk.
+inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
+  app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
+  app.add_option("--sample-interval", options.sample_interval, "Of the table against time, s")
+      ->capture_default_str();
+  app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
+      ->check(CLI::IsMember({"all", "last", "none"}))
+      ->capture_default_str();
+}
+
+/// All options of a run; what `options` holds is the default.
+inline void add_run_options(CLI::App& app, RunOptions& options, const std::string& default_out) {
+  app.add_option("--end-time", options.end_time, "Simulated time, s")->capture_default_str();
+  add_snapshot_options(app, options);
+  add_resume_options(app, options.resume);
+  add_common_options(app, options.common, default_out);
+}
+
+/// One run of a simulation, and the files that it leaves in its folder: summary.json, sections.csv,
+/// the program's own tables, VTK files.
+///
+///     Run run(sim, "silo", options, inputs);
+///     if (run.finished()) // earlier, with --resume
+///       return 0;
+///     auto& table = run.table("rate.csv", {"time_s", "out_m2"});
+///     double out = 0;
+///     run.keep("out", out); // part of the checkpoint
+///     while (run.advance()) {
+///       out += run.report().outflow_volume;
+///       if (run.sample_due())
+///         table.row(run.time(), out);
+///     }
+///     run.write_summary({{"measured", {{"out_m2", out}}}});
+///     return run.finish("plot_run.py");
+template <class Sim>
+class Run {
+ public:
+  static constexpr int dimension = Sim::dimension;
+  using json = nlohmann::json;
+
+  /// name: of the program. label: what the progress bar calls the run. inputs: all that makes the
+  /// run what it is. Throws std::invalid_argument for wrong options, and as Checkpoints does.
+  Run(Sim& sim, std::string name, const RunOptions& options, json inputs, std::string label = {})
+      : sim_(sim), name_(std::move(name)), options_(options), inputs_(std::move(inputs)),
+        out_((options.validate(), options.common.prepare_out())),
+        checkpoints_(out_, options.resume, inputs_), next_snapshot_(options.time_zero),
+        progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
+    finished_ = checkpoints_.finished();
+    if (finished_) {
+      if (!options_.common.quiet)
+        std::printf("%s: finished already\n", summary_file().c_str());
+      return;
+    }
+    earlier_ = checkpoints_.resume(sim_);
+    fs::remove(summary_file()); // a summary always belongs to a finished run
+    if (options_.vtk != "none") {
+      fs::create_directories(out_ / "vtk");
+      particle_series_.emplace(out_ / "particles.pvd");
+      grid_series_.emplace(out_ / "grid.pvd");
+    }
+    keep("next_sample", next_sample_);
+    keep("next_snapshot", next_snapshot_);
+    keep("frames", frames_);
+    keep(
+        "seconds", [this] { return seconds(); },
+        [this](const json& value) { earlier_seconds_ = value; });
+    keep(
+        "statistics", [this] { return statistics_.state(); },
+        [this](const json& value) { statistics_.restore(value); });
+    sections_ = &table("sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
+    if (options_.vtk == "all")
+      for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
+        particle_series_->add(frames_[frame], frame_file("particles", frame));
+        grid_series_->add(frames_[frame], frame_file("grid", frame));
+      }
+  }
+
+  Run(const Run&) = delete;
+  Run& operator=(const Run&) = delete;
+
+  /// Was the run finished before, and --resume asks for no more?
+  bool finished() const { return finished_; }
+
+  /// A table in the run's folder; after a resume it goes on.
+  talus::CsvWriter& table(const std::string& file, const std::vector<std::string>& columns) {
+    Table& added = tables_.emplace_back();
+    added.name = file;
+    if (earlier_)
+      added.writer.resume(out_ / file, columns, earlier_->at("bytes").at(file));
+    else
+      added.writer.open(out_ / file, columns);
+    return added.writer;
+  }
+
+  /// Makes a variable part of the checkpoint; after a resume it has the value that it had.
+  template <class T>
+  void keep(const std::string& key, T& value) {
+    keep(
+        key, [&value] { return json(value); },
+        [&value](const json& earlier) { value = earlier.get<T>(); });
+  }
+  /// The same with get() -> json and set(json).
+  void keep(const std::string& key, std::function<json()> get,
+            const std::function<void(const json&)>& set) {
+    if (earlier_)
+      set(earlier_->at(key));
+    kept_.emplace_back(key, std::move(get));
+  }
+
+  /// Finishes what belongs to the last step, then makes the next one. False after the last step, or
+  /// when the run must end (see status).
+  bool advance() {
+    return advance([](const auto&) {});
+  }
+  /// The same, and calls before_solve(problem) as Simulation::step() does.
+  template <class BeforeSolve>
+  bool advance(const BeforeSolve& before_solve) {
+    if (stepped_ && !end_step())
+      return false;
+    stepped_ = true;
+    time_before_ = time();
+    report_ = sim_.step(before_solve);
+    statistics_.add(report_);
+    if (!report_.completed()) {
+      status = "failed: the solver met numbers that are not finite";
+      return false;
+    }
+    last_ = sim_.time() >= last_time() - half_step();
+    sampled_ = time() + half_step() >= next_sample_;
+    if (sampled_)
+      next_sample_ += options_.sample_interval;
+    return true;
+  }
+
+  /// Makes this step the last one.
+  void stop() { last_ = true; }
+
+  /// Is it time for a row of the table against time?
+  bool sample_due() const { return sampled_ || last_; }
+
+  /// s, counted from options.time_zero: now, and before the last step, whose fields the grid shows.
+  double time() const { return sim_.time() - options_.time_zero; }
+  double time_before() const { return time_before_; }
+  const talus::StepReport& report() const { return report_; }
+  const fs::path& folder() const { return out_; }
+
+  std::function<void(double time)> on_snapshot; ///< what else to write
+  std::string text;                             ///< shown beside the progress bar
+  std::string status = "completed";
+
+  /// Ends the progress bar, closes the tables and writes summary.json: what all runs tell, and
+  /// `results`.
+  void write_summary(const json& results) {
+    progress_.finish(status);
+    for (Table& table : tables_)
+      table.writer.close();
+    json summary = {{"program", name_},
+                    {"versions", versions()},
+                    {"status", status},
+                    {"inputs", inputs_},
+                    {"threads", sim_.params().threads},
+                    {"solver", statistics_.solver_json()},
+                    {"seconds", statistics_.phase_json()},
+                    {"steps", sim_.steps()},
+                    {"wall_seconds", seconds()},
+                    {"state_checksum", talus::state_checksum(sim_.particles())}};
+    summary.update(results);
+    write_json(summary_file(), summary);
+  }
+
+  /// Prints what the run cost, draws the picture, removes the checkpoint. Returns the exit status.
+  int finish(const std::string& plot_script) {
+    if (!options_.common.quiet)
+      statistics_.print(sim_.steps(), seconds());
+    draw(options_.common, plot_script, out_);
+    if (status == "interrupted") {
+      std::fprintf(stderr, "to go on: the same command with --resume\n");
+      return 130;
+    }
+    checkpoints_.finish();
+    return status.starts_with("failed") ? 1 : 0;
+  }
+
+ private:
+  struct Table {
+    std::string name;
+    talus::CsvWriter writer{};
+  };
+
+  double half_step() const { return 0.5 * sim_.params().time_step; }
+  double last_time() const { return options_.time_zero + options_.end_time; }
+  double seconds() const { return earlier_seconds_ + stopwatch_.seconds(); }
+  fs::path summary_file() const { return out_ / "summary.json"; }
+
+  bool end_step() {
+    if (sim_.time() + half_step() >= next_snapshot_ || last_) {
+      snapshot(last_);
+      next_snapshot_ += options_.snapshot_interval;
+    }
+    if (text.empty()) {
+      char line[64];
+      std::snprintf(line, sizeof line, "t = %.3f s, %d sweeps", time(), report_.solve.iterations);
+      progress_.update(sim_.time() / last_time(), line);
+    } else {
+      progress_.update(sim_.time() / last_time(), text);
+    }
+    if (last_)
+      return false;
+    if (interrupted()) {
+      status = "interrupted";
+      save();
+      snapshot(true); // not part of the checkpoint: a run that goes on does not have it
+      return false;
+    }
+    if (checkpoints_.due())
+      save();
+    return true;
+  }
+
+  void save() {
+    json notes;
+    for (Table& table : tables_)
+      notes["bytes"][table.name] = table.writer.size();
+    for (const auto& [key, get] : kept_)
+      notes[key] = get();
+    checkpoints_.save(sim_, notes);
+  }
+
+  void snapshot(bool last) {
+    write_section();
+    if (on_snapshot)
+      on_snapshot(time());
+    if (options_.vtk == "all" || (last && options_.vtk == "last"))
+      write_vtk(frames_.size());
+    frames_.push_back(time());
+    for (Table& table : tables_)
+      table.writer.flush();
+  }
+
+  void write_section() {
+    constexpr int up = talus::up_axis<dimension>;
+    const auto& grid = sim_.grid();
+    for (int i = 0; i <= grid.cells(0); ++i)
+      for (int k = 0; k <= grid.cells(up); ++k) {
+        talus::Index<dimension> node;
+        if constexpr (dimension == 3)
+          node[1] = options_.section_row;
+        node[0] = i;
+        node[up] = k;
+        const talus::Vec<dimension> x = grid.node_position(node);
+        sections_->row(time(), x[0], x[up], sim_.volume_fraction(node), sim_.velocity(node).norm());
+      }
+  }
+
+  /// kind: particles or grid.
+  fs::path frame_file(const std::string& kind, std::size_t frame) const {
+    char number[32];
+    std::snprintf(number, sizeof number, "_%04zu", frame);
+    return out_ / "vtk" / (kind + number + (kind == "grid" ? ".vti" : ".vtp"));
+  }
+
+  void write_vtk(std::size_t frame) {
+    using Node = talus::Index<dimension>;
+    const fs::path particles = frame_file("particles", frame);
+    const fs::path grid = frame_file("grid", frame);
+    talus::write_vtk_particles<dimension>(particles, sim_.particles().position,
+                                          {talus::vtk_field("velocity", sim_.particles().velocity),
+                                           talus::vtk_field("volume", sim_.particles().volume)});
+    particle_series_->add(time(), particles);
+    Node nodes;
+    for (int a = 0; a < dimension; ++a)
+      nodes[a] = sim_.grid().cells(a) + 1;
+    const auto field = [&](const char* field_name, const auto& value) {
+      return talus::vtk_node_field<dimension>(field_name, nodes, value);
+    };
+    talus::write_vtk_image<dimension>(
+        grid, sim_.grid().origin(), sim_.grid().spacing(), nodes,
+        {field("volume_fraction", [&](const Node& n) { return sim_.volume_fraction(n); }),
+         field("velocity", [&](const Node& n) { return sim_.velocity(n); }),
+         field("pressure", [&](const Node& n) { return sim_.pressure(n); }),
+         field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })});
+    grid_series_->add(time(), grid);
+  }
+
+  Sim& sim_;
+  std::string name_;
+  RunOptions options_;
+  json inputs_;
+  fs::path out_;
+  Checkpoints checkpoints_;
+  std::optional<json> earlier_; ///< notes of the checkpoint that the run goes on from
+  bool finished_ = false;
+  std::list<Table> tables_; ///< their addresses are given away
+  talus::CsvWriter* sections_ = nullptr;
+  std::vector<std::pair<std::string, std::function<json()>>> kept_;
+  std::optional<talus::VtkSeries> particle_series_, grid_series_;
+  std::vector<double> frames_; ///< times of the snapshots
+  double next_sample_ = 0, next_snapshot_ = 0, earlier_seconds_ = 0, time_before_ = 0;
+  bool stepped_ = false, last_ = false, sampled_ = false;
+  talus::StepReport report_;
+  SolverStatistics statistics_;
+  Stopwatch stopwatch_;
+  talus::Progress progress_;
+};
+
+} // namespace support
