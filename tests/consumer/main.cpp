@@ -5,25 +5,29 @@
 
 #include <cstdio>
 
+#if defined(_OPENMP) != defined(CONSUMER_OPENMP)
+#error "OpenMP is on without being asked for, or off though it was"
+#endif
+
 double slump_in_3d(); // other.cpp
 
 int main() {
   using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
   Sim::Params params;
-  params.grid = {.origin = {0, 0}, .size = {0.6, 0.2}, .cells = {30, 10}};
+  params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {20, 10}};
   params.material.density = 1500;
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
   params.faces.lower[1] = {talus::FaceKind::stick, 0};
+  params.threads = 2;
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {});
   Sim sim(params, sand);
-  for (int n = 0; n < 50; ++n)
+  for (int n = 0; n < 5; ++n)
     if (sim.step().solve.status != talus::SolveStatus::converged)
       return 1;
-  const double front = talus::front_position(talus::measure_profile(sim), 0.01);
-  const double other = slump_in_3d();
-  std::printf("talus " TALUS_VERSION ": %.3f m in 2-D, %.3f m in 3-D\n", front, other);
-  return front > 0.15 && other > 0.15 ? 0 : 1;
+  const double in_2d = talus::largest_speed(sim), in_3d = slump_in_3d();
+  std::printf("talus " TALUS_VERSION ": fastest %.3f m/s in 2-D, %.3f m/s in 3-D\n", in_2d, in_3d);
+  return in_2d > 0 && in_3d > 0 ? 0 : 1;
 }
