@@ -24,5 +24,6 @@ int main() {
     if (report.solve.status != talus::SolveStatus::converged)
       std::printf("t = %.3f s: residual %.1e\n", sim.time(), report.solve.residual.l2);
   }
-  std::printf("the front is at x = %.3f m\n", talus::front_position(talus::measure_profile(sim), 0.01));
+  std::printf("the front is at x = %.3f m\n",
+              talus::front_position(talus::measure_profile(sim), 0.01));
 }
