@@ -44,9 +44,7 @@ Sim make_scene() {
   params.material.density = 1540;                                          // kg/m³, dense
   params.gravity = {0, -9.81};                                             // m/s²
   params.time_step = 1e-3;                                                 // s
-  params.rheology = {.mu_static = 0.38,
-                     .mu_limit = 0.64,
-                     .I_0 = 0.279,
+  params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {.grain_diameter = 5e-4, .density = 2500, .strain_factor = 2}};
   params.faces.lower[0] = {talus::FaceKind::frictional, 0.3};
   params.faces.lower[1] = {talus::FaceKind::stick, 0};
