@@ -5,19 +5,23 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
+#include "talus/scene/blue_noise.hpp"
+#include "talus/scene/region.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace talus {
 
 /// How a region is filled with particles.
 struct Seeding {
   enum class Pattern {
-    jittered, ///< a lattice, each particle moved at random inside its own share of the volume
-    random,   ///< independent uniform positions
+    jittered,   ///< a lattice, each particle moved at random inside its own share of the volume
+    random,     ///< independent uniform positions
+    blue_noise, ///< random, but none close to another
   };
   int per_axis = 3; ///< particles along each edge of a cell; its power d is the number in a cell
   Pattern pattern = Pattern::jittered;
@@ -74,6 +78,21 @@ std::size_t fill_box(Particles<Dim>& particles, const Grid<Dim>& grid, const Vec
   }
   const double volume = (upper - lower).prod() / static_cast<double>(total);
   Random random(seeding.seed);
+  if (seeding.pattern == Seeding::Pattern::blue_noise) {
+    const Vec<Dim> from = lower.cwiseMax(grid.origin()), to = upper.cwiseMin(grid.upper());
+    const auto draw = [&] {
+      Vec<Dim> x;
+      for (int a = 0; a < Dim; ++a)
+        x[a] = from[a] + random.uniform() * (to[a] - from[a]);
+      return x;
+    };
+    Vec<Dim> spacing = to - from;
+    for (int a = 0; a < Dim; ++a)
+      spacing[a] /= count[a];
+    for (const Vec<Dim>& x : blue_noise_points<Dim>(total, from, to, spacing, draw))
+      particles.add(x, Vec<Dim>::Zero(), volume);
+    return total;
+  }
   for (std::size_t p = 0; p < total; ++p) {
     Vec<Dim> x;
     std::size_t rest = p;
@@ -91,6 +110,139 @@ std::size_t fill_box(Particles<Dim>& particles, const Grid<Dim>& grid, const Vec
     particles.add(x, Vec<Dim>::Zero(), volume);
   }
   return total;
+}
+
+/// Fills the part of `region` that is in the box of the grid with particles at rest. A lattice of
+/// seeding.per_axis shares along a cell's edge is laid over the grid. Jittered: each share that is
+/// inside or cut holds one particle of the volume inside, moved at random within it. Random and
+/// blue noise: as many particles of equal volume as fill the region, wherever it is.
+///
+/// The volumes sum up to that of the region as measured with 4 points along each edge of a share:
+/// exact to rounding where the region's faces lie on the lattice, to about 1e-3 for balls and boxes
+/// ten shares across that have a distance (tested), to about a tenth of a share at the surface
+/// without.
+///
+/// Returns the number added. Throws std::invalid_argument if a parameter is out of range or if the
+/// region is empty, outside of the grid or too thin to hold a particle.
+template <int Dim, Region<Dim> R>
+std::size_t fill(Particles<Dim>& particles, const Grid<Dim>& grid, const R& region,
+                 const Seeding& seeding) {
+  seeding.validate();
+  constexpr int samples = 4; // along each edge of a share
+  const Vec<Dim> edge = grid.spacing() / seeding.per_axis;
+  const Vec<Dim> sample_edge = edge / samples;
+  Random random(seeding.seed);
+  const auto inside = [&](const Vec<Dim>& x) {
+    return contains(region, x) && (x.array() >= grid.origin().array()).all() &&
+           (x.array() <= grid.upper().array()).all();
+  };
+  const auto draw_from = [&](const Vec<Dim>& centre, double extent) {
+    Vec<Dim> x = centre;
+    for (int a = 0; a < Dim; ++a)
+      x[a] += extent * edge[a] * (random.uniform() - 0.5);
+    return x;
+  };
+
+  // The shares of the lattice with their filled part, and the middle of that.
+  struct Share {
+    Vec<Dim> centre, middle;
+    double volume; // m^d
+  };
+  std::vector<Share> shares;
+  double total = 0;
+  Index<Dim> count;
+  std::size_t lattice = 1;
+  for (int a = 0; a < Dim; ++a) {
+    count[a] = grid.cells(a) * seeding.per_axis;
+    lattice *= static_cast<std::size_t>(count[a]);
+  }
+  for (std::size_t k = 0; k < lattice; ++k) {
+    Share share;
+    std::size_t rest = k;
+    for (int a = Dim - 1; a >= 0; --a) {
+      const std::size_t n = static_cast<std::size_t>(count[a]);
+      share.centre[a] = grid.origin()[a] + edge[a] * (static_cast<double>(rest % n) + 0.5);
+      rest /= n;
+    }
+    share.middle = share.centre;
+    share.volume = edge.prod();
+    bool whole = false;
+    if constexpr (requires { region.distance(share.centre); }) {
+      const double distance = region.distance(share.centre);
+      if (distance >= edge.norm() / 2)
+        continue;
+      whole = distance <= -edge.norm() / 2;
+    }
+    if (!whole) {
+      double part = 0;
+      Vec<Dim> sum = Vec<Dim>::Zero();
+      std::vector<Vec<Dim>> held;
+      for (int j = 0; j < ipow(samples, Dim); ++j) {
+        Vec<Dim> x = share.centre;
+        for (int a = 0, digits = j; a < Dim; ++a, digits /= samples)
+          x[a] += sample_edge[a] * (digits % samples - 0.5 * (samples - 1));
+        const double sample = share_inside<Dim>(region, x, sample_edge);
+        part += sample;
+        sum += sample * x;
+        if (contains(region, x))
+          held.push_back(x);
+      }
+      if (held.empty())
+        continue;
+      share.volume *= part / ipow(samples, Dim);
+      share.middle = sum / part;
+      if (!inside(share.middle)) // of something hollow
+        share.middle =
+            *std::min_element(held.begin(), held.end(), [&](const Vec<Dim>& x, const Vec<Dim>& y) {
+              return (x - share.middle).squaredNorm() < (y - share.middle).squaredNorm();
+            });
+    }
+    total += share.volume;
+    shares.push_back(share);
+  }
+  if (shares.empty())
+    throw_invalid("fill: the number of particles that fit the region", 0,
+                  "a region inside the grid, thicker than a quarter of a particle's share");
+
+  if (seeding.pattern == Seeding::Pattern::jittered) {
+    for (const Share& share : shares) {
+      // Jitter that leaves the region or the share is drawn again, and given up if there is little
+      // room.
+      Vec<Dim> x = share.middle;
+      for (int tries = 0; tries < 20; ++tries) {
+        const Vec<Dim> moved = draw_from(share.middle, seeding.jitter);
+        if (((moved - share.centre).cwiseAbs().array() <= edge.array() / 2).all() &&
+            inside(moved)) {
+          x = moved;
+          break;
+        }
+      }
+      particles.add(x, Vec<Dim>::Zero(), share.volume);
+    }
+    return shares.size();
+  }
+
+  // Uniform in the region: a share by chance, a place in it, and again if that is outside.
+  const auto draw = [&] {
+    while (true) {
+      const auto k =
+          static_cast<std::size_t>(random.uniform() * static_cast<double>(shares.size()));
+      const Vec<Dim> x = draw_from(shares[k].centre, 1);
+      if (inside(x))
+        return x;
+    }
+  };
+  const auto number =
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(total / edge.prod())));
+  std::vector<Vec<Dim>> points;
+  if (seeding.pattern == Seeding::Pattern::blue_noise)
+    points = blue_noise_points<Dim>(number, grid.origin(), grid.upper(), edge, draw);
+  else
+    for (std::size_t p = 0; p < number; ++p)
+      points.push_back(draw());
+  for (const Vec<Dim>& x : points)
+    particles.add(x, Vec<Dim>::Zero(), total / static_cast<double>(number));
+  return number;
 }
 
 } // namespace talus

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: MIT
+// Regions and the particles that fill them.
+
+#include "talus/core/grid.hpp"
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/particles.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/scene/region.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <limits>
+#include <numbers>
+#include <stdexcept>
+
+using namespace talus;
+
+namespace {
+
+using Pattern = Seeding::Pattern;
+constexpr Pattern patterns[] = {Pattern::jittered, Pattern::random, Pattern::blue_noise};
+
+template <int Dim>
+struct Ball {
+  Vec<Dim> centre;
+  double radius;
+  double distance(const Vec<Dim>& x) const { return (x - centre).norm() - radius; }
+};
+template <int Dim>
+struct Box {
+  Vec<Dim> lower, upper;
+  double distance(const Vec<Dim>& x) const {
+    const Vec<Dim> gap = (lower - x).cwiseMax(x - upper);
+    return gap.cwiseMax(0).norm() + std::min(gap.maxCoeff(), 0.0);
+  }
+};
+
+/// A box of 1 m with cells of 0.1 m (0.05 m upwards).
+template <int Dim>
+Grid<Dim> grid() {
+  GridParams<Dim> params;
+  for (int a = 0; a < Dim; ++a) {
+    params.size[a] = 1;
+    params.cells[a] = a == up_axis<Dim> ? 20 : 10;
+  }
+  return Grid<Dim>(params);
+}
+
+template <int Dim>
+double total_volume(const Particles<Dim>& particles) {
+  double total = 0;
+  for (const double volume : particles.volume)
+    total += volume;
+  return total;
+}
+
+template <int Dim, class R>
+Particles<Dim> filled(const R& region, const Seeding& seeding) {
+  Particles<Dim> particles;
+  const std::size_t added = fill(particles, grid<Dim>(), region, seeding);
+  CHECK(added == particles.size());
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    CHECK(contains(region, particles.position[p]));
+    CHECK(particles.volume[p] > 0);
+  }
+  return particles;
+}
+
+/// Smallest distance of two particles, in units of `spacing` along each axis.
+template <int Dim>
+double closest_pair(const Particles<Dim>& particles, const Vec<Dim>& spacing) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    for (std::size_t q = 0; q < p; ++q)
+      least = std::min(
+          least, (particles.position[p] - particles.position[q]).cwiseQuotient(spacing).norm());
+  return least;
+}
+
+} // namespace
+
+TEST_CASE("a box on the lattice is filled exactly, with equal particles") {
+  const Box<2> box{{0.2, 0.1}, {0.7, 0.4}};
+  for (const Pattern pattern : patterns) {
+    const auto particles = filled<2>(box, {.per_axis = 2, .pattern = pattern});
+    CHECK(particles.size() == 10 * 12);
+    CHECK(total_volume(particles) == doctest::Approx(0.15).epsilon(1e-12));
+    for (const double volume : particles.volume)
+      CHECK(volume == doctest::Approx(0.15 / 120));
+  }
+  const auto regular = filled<2>(box, {.per_axis = 2, .jitter = 0});
+  CHECK((regular.position[0] - Vec<2>(0.225, 0.1125)).norm() < 1e-12);
+  CHECK((regular.position[119] - Vec<2>(0.675, 0.3875)).norm() < 1e-12);
+}
+
+TEST_CASE("volumes of a disc, a ball and a box off the lattice") {
+  const Ball<2> disc{{0.513, 0.497}, 0.331};
+  const double disc_area = std::numbers::pi * disc.radius * disc.radius;
+  const Ball<3> ball{{0.513, 0.497, 0.52}, 0.331};
+  const double ball_volume = 4 * std::numbers::pi / 3 * std::pow(ball.radius, 3);
+  const Box<3> box{{0.113, 0.207, 0.319}, {0.587, 0.711, 0.803}};
+  for (const Pattern pattern : patterns) {
+    CHECK(total_volume(filled<2>(disc, {.per_axis = 3, .pattern = pattern})) ==
+          doctest::Approx(disc_area).epsilon(1e-3));
+    CHECK(total_volume(filled<3>(ball, {.per_axis = 2, .pattern = pattern})) ==
+          doctest::Approx(ball_volume).epsilon(1e-3));
+    CHECK(total_volume(filled<3>(box, {.per_axis = 2, .pattern = pattern})) ==
+          doctest::Approx((box.upper - box.lower).prod()).epsilon(1e-3));
+  }
+  // without a distance
+  const auto inside = [&](const Vec<2>& x) { return (x - disc.centre).norm() < disc.radius; };
+  CHECK(total_volume(filled<2>(inside, {.per_axis = 3})) ==
+        doctest::Approx(disc_area).epsilon(5e-3));
+}
+
+TEST_CASE("what leaves the grid is cut off, hollow regions stay hollow") {
+  const auto hollow = [](const Vec<2>& x) {
+    const double r = x.norm();
+    return r > 0.6 && r < 0.8;
+  };
+  for (const Pattern pattern : patterns) {
+    const auto particles = filled<2>(hollow, {.per_axis = 4, .pattern = pattern, .jitter = 1});
+    CHECK(total_volume(particles) ==
+          doctest::Approx(std::numbers::pi / 4 * (0.64 - 0.36)).epsilon(5e-3));
+    for (const Vec<2>& x : particles.position)
+      CHECK(x.minCoeff() >= 0);
+  }
+}
+
+TEST_CASE("the same seed gives the same particles, another one others") {
+  const Ball<2> disc{{0.5, 0.5}, 0.3};
+  for (const Pattern pattern : patterns) {
+    const auto sum = [&](std::uint64_t seed) {
+      return state_checksum(filled<2>(disc, {.per_axis = 2, .pattern = pattern, .seed = seed}));
+    };
+    CHECK(sum(1) == sum(1));
+    CHECK(sum(1) != sum(2));
+  }
+}
+
+TEST_CASE("blue noise keeps particles apart, random positions do not") {
+  const Vec<2> spacing(0.05, 0.025);
+  const Ball<2> disc{{0.5, 0.5}, 0.35};
+  const auto distance = [&](Pattern pattern) {
+    return closest_pair(filled<2>(disc, {.per_axis = 2, .pattern = pattern}), spacing);
+  };
+  CHECK(distance(Pattern::blue_noise) > 0.6);
+  CHECK(distance(Pattern::random) < 0.1);
+  Particles<3> box;
+  fill_box<3>(box, grid<3>(), {0.1, 0.1, 0.1}, {0.4, 0.4, 0.4},
+              {.per_axis = 2, .pattern = Pattern::blue_noise});
+  CHECK(box.size() == 6 * 6 * 12);
+  CHECK(total_volume(box) == doctest::Approx(0.027).epsilon(1e-12));
+  CHECK(closest_pair(box, Vec<3>(0.05, 0.05, 0.025)) > 0.6);
+  for (const Vec<3>& x : box.position)
+    CHECK(((x.array() >= 0.1).all() && (x.array() <= 0.4).all()));
+}
+
+TEST_CASE("regions that hold nothing are refused") {
+  Particles<2> particles;
+  const auto refused = [&](const auto& region, const Seeding& seeding) {
+    CHECK_THROWS_AS(fill(particles, grid<2>(), region, seeding), std::invalid_argument);
+  };
+  refused([](const Vec<2>&) { return false; }, {});
+  refused(Ball<2>{{3, 3}, 1}, {});                  // outside of the grid
+  refused(Box<2>{{0.2, 0.299}, {0.7, 0.3005}}, {}); // too thin for 1/12 of a cell
+  refused(Box<2>{{0.7, 0.2}, {0.2, 0.3}}, {});      // upper below lower
+  refused(Ball<2>{{0.5, 0.5}, 0.3}, {.per_axis = 0});
+  refused(Ball<2>{{0.5, 0.5}, 0.3}, {.jitter = 1.5});
+  CHECK(particles.empty());
+}
