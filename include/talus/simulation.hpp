@@ -164,9 +164,7 @@ class Simulation {
   }
 
   /// Advances by δt.
-  StepReport step() {
-    return step([](const DualProblem<Dim>&) {});
-  }
+  StepReport step();
 
   /// The same, and calls before_solve(problem) with the dual problem as the solver gets it, warm
   /// start included: to record it, say.
@@ -599,5 +597,12 @@ class Simulation {
   DualProblem<Dim> problem_;
   typename SolverT::template Workspace<Dim> workspace_;
 };
+
+// Not in the class, which would make it inline: extern templates (talus/precompiled.hpp) save nothing
+// of what is inline.
+template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT>
+StepReport Simulation<Dim, RheologyT, TransferT, SolverT>::step() {
+  return step([](const DualProblem<Dim>&) {});
+}
 
 } // namespace talus

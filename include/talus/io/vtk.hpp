@@ -45,7 +45,7 @@ static_assert(std::endian::native == std::endian::little,
 
 /// How a value is laid out in a field: plane vectors become 3-D, tensors 3 × 3 row by row.
 template <class Value>
-struct VtkLayout; // a VTK field holds numbers, Vec<2>, Vec<3>, Mat<2> or Mat<3>
+struct VtkLayout;
 
 template <class Number>
 requires std::is_arithmetic_v<Number>
@@ -159,9 +159,15 @@ class VtkDocument {
 
 } // namespace detail
 
+/// What a VTK field can hold: a number, Vec<2>, Vec<3>, Mat<2> or Mat<3>.
+template <class Value>
+concept VtkValue = requires {
+  detail::VtkLayout<Value>::components;
+};
+
 /// A field of numbers, Vec<2>, Vec<3>, Mat<2> or Mat<3>, one value a particle or node (#items).
 /// Vectors get three components and tensors nine, with zeros in 2-D.
-template <class Value>
+template <VtkValue Value>
 VtkField vtk_field(std::string name, const std::vector<Value>& values) {
   using Layout = detail::VtkLayout<Value>;
   VtkField field{std::move(name), Layout::components, {}};

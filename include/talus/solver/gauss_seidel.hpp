@@ -50,7 +50,8 @@ class GaussSeidel {
   };
 
   template <int Dim>
-  struct Workspace {
+  requires(LocalSolver<Local, Law, symmetric_size<Dim>> ||
+           LocalStep<Local, Law, symmetric_size<Dim>>) struct Workspace {
     std::vector<typename Local::template Prepared<Law, symmetric_size<Dim>>> prepared; ///< #cones
     std::vector<Mat<symmetric_size<Dim>>> diagonal; ///< W_ii, #cones; for local solvers only
     std::vector<double> inverse_scale;              ///< 1/w_i, w_i = tr W_ii/s, #cones
@@ -80,8 +81,6 @@ class GaussSeidel {
 
   template <int Dim>
   SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads) const {
-    static_assert(LocalSolver<Local, Law, symmetric_size<Dim>> ||
-                  LocalStep<Local, Law, symmetric_size<Dim>>);
     const auto start = std::chrono::steady_clock::now();
     const Stencil<Dim> stencil(problem.grid);
     prepare(problem, stencil, workspace, threads);

@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: MIT
+"""What it costs to compile the README's first program (-O2), and whether that is within the budget.
+
+    python3 tests/tools/compile_cost.py [COMPILER...]
+
+Memory, preprocessed lines and template instantiations (clang++ alone counts them) do not depend on
+what else the machine does: their budgets are tight. Seconds do, so their goal is only printed, and
+twice the goal is the budget. The same program with talus/precompiled.hpp must take at most 0.6 of
+the seconds, and must link and run with a file of talus/precompiled_definitions.hpp.
+"""
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+EIGEN = os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3")
+GOAL_SECONDS = 8
+BUDGET = {"MB": 600, "CPU seconds": 2 * GOAL_SECONDS, "thousand lines": 150,
+          "thousand instantiations": 27, "of the seconds, with precompiled.hpp": 0.6}
+
+
+def run(command):
+    """CPU seconds and peak memory (MB) of a command."""
+    pid = os.posix_spawnp(command[0], command, os.environ)
+    _, status, usage = os.wait4(pid, 0)
+    if status != 0:
+        raise SystemExit(f"failed: {' '.join(command)}")
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
+
+
+def compile_command(compiler, source, output, *options):
+    return [compiler, "-std=c++20", "-O2", *options, f"-I{ROOT}/include", f"-isystem{EIGEN}",
+            str(source), "-o", str(output)]
+
+
+def instantiations(trace):
+    """Template instantiations in a trace of clang++, by kind."""
+    kinds = {}
+    for event in json.loads(trace.read_text(encoding="utf-8"))["traceEvents"]:
+        if event["name"].startswith("Instantiate"):
+            kinds[event["name"]] = kinds.get(event["name"], 0) + 1
+    return kinds
+
+
+def cost(compiler, source, folder):
+    lines = subprocess.run(compile_command(compiler, source, "-", "-E", "-P"), capture_output=True,
+                           check=True).stdout.count(b"\n")
+    seconds, memory = run(compile_command(compiler, source, folder / "first.o", "-c"))
+    found = {"CPU seconds": seconds, "MB": memory, "thousand lines": lines / 1000}
+    if "clang" in compiler:
+        run(compile_command(compiler, source, folder / "traced.o", "-c", "-ftime-trace",
+                            "-ftime-trace-granularity=0"))
+        found["thousand instantiations"] = sum(instantiations(folder / "traced.json").values()) / 1000
+    rebuilt, _ = run(compile_command(compiler, source, folder / "rebuilt.o", "-c",
+                                     "-include", "talus/precompiled.hpp"))
+    found["of the seconds, with precompiled.hpp"] = rebuilt / seconds
+    unit = folder / "precompiled.cpp"
+    unit.write_text("#include <talus/precompiled_definitions.hpp>\n", encoding="utf-8")
+    run(compile_command(compiler, unit, folder / "precompiled.o", "-c"))
+    run([compiler, str(folder / "rebuilt.o"), str(folder / "precompiled.o"), "-o", str(folder / "program")])
+    run([str(folder / "program")])
+    return found
+
+
+def main():
+    compilers = sys.argv[1:] or ["g++", "clang++"]
+    over = 0
+    print(f"tests/docs/first.cpp, -O2; goals: {GOAL_SECONDS} s, {BUDGET['MB']} MB")
+    with tempfile.TemporaryDirectory() as folder:
+        for compiler in compilers:
+            for what, value in cost(compiler, ROOT / "tests/docs/first.cpp", Path(folder)).items():
+                within = value <= BUDGET[what]
+                over += not within
+                print(f"{'ok     ' if within else 'FAILED '} {compiler}: {value:.3g} {what} (budget {BUDGET[what]})")
+    return 1 if over else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
