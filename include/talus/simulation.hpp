@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
+#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
+#include "talus/dual/body_contact.hpp"
 #include "talus/dual/coloring.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -27,6 +31,7 @@
 #include <limits>
 #include <memory>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -96,6 +101,8 @@ struct SimulationState {
   Particles<Dim> particles;                          ///< their order counts: sums depend on it
   std::vector<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
   std::vector<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
+  std::vector<RigidState<Dim>> bodies;
+  std::vector<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
 };
 
 /// A granular flow: particles, a grid, and the policies that say how the medium yields (RheologyT),
@@ -119,6 +126,7 @@ class Simulation {
     double cfl = 0; ///< largest share of a cell to cross in a step along any axis; 0: δt is fixed
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
+    std::vector<Body<Dim>> bodies{};
     typename RheologyT::Params rheology{};
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
@@ -149,12 +157,16 @@ class Simulation {
       if (!obstacle)
         throw_invalid("an obstacle", "null", "a valid pointer");
     check_particles(particles_);
+    add_bodies();
 
     const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
     material_volume_.assign(nodes, 0);
     velocity_before_.assign(nodes, NodeVec<Dim>::Zero());
     node_stress_.assign(nodes, Vec<cone_size>::Zero());
     inertial_number_.assign(nodes, 0);
+    open_share_.assign(nodes, 1);
+    node_cone_.assign(nodes, -1);
+    wrenches_.resize(static_cast<std::size_t>(2 * Dim) + params_.obstacles.size() + bodies_.size());
     node_rank_.assign(nodes, 0);
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
       node_rank_[static_cast<std::size_t>(node_order_.nodes()[k])] = k;
@@ -180,6 +192,7 @@ class Simulation {
     add_gravity();
     apply_faces();
     collect_contacts();
+    collect_body_contacts();
     apply_impulses(problem_, stencil_);
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
@@ -190,14 +203,16 @@ class Simulation {
     const auto t3 = Clock::now();
     if (report.completed()) {
       keep_stresses();
+      measure_wrenches();
       grid_to_particles();
+      move_bodies();
       remove_outflow(report);
       time_ += time_step_;
       ++steps_;
     }
     const auto t4 = Clock::now();
     report.cones = problem_.cones();
-    report.contacts = problem_.contacts.size();
+    report.contacts = problem_.contacts.size() + problem_.body_contacts.size();
     report.seconds = {seconds(t0, t1), seconds(t1, t2), seconds(t2, t3), seconds(t3, t4)};
     return report;
   }
@@ -208,6 +223,22 @@ class Simulation {
   const Params& params() const { return params_; }
   const Grid<Dim>& grid() const { return grid_; }
   const Particles<Dim>& particles() const { return particles_; }
+  /// Place and velocities of the free bodies, in the order of params().bodies.
+  const std::vector<RigidState<Dim>>& bodies() const { return bodies_; }
+
+  // Force and torque of the last step, its mean over δt; zero before the first. What the material
+  // and free bodies do to a face of the box or an obstacle, and what material and faces do to a
+  // body (gravity left out). Where several faces that stick meet, they share the tangential force
+  // of their common nodes.
+  const Wrench<Dim>& face_wrench(int axis, bool upper) const {
+    return wrenches_.at(static_cast<std::size_t>(face_source(axis, upper)));
+  }
+  const Wrench<Dim>& obstacle_wrench(std::size_t obstacle) const {
+    return wrenches_.at(static_cast<std::size_t>(obstacle_source(obstacle)));
+  }
+  const Wrench<Dim>& body_wrench(std::size_t body) const {
+    return wrenches_.at(static_cast<std::size_t>(body_source(body)));
+  }
 
   /// A view of the state, valid until the next step.
   struct StateView {
@@ -218,15 +249,24 @@ class Simulation {
     const Particles<Dim>& particles;
     const std::vector<Vec<symmetric_size<Dim>>>& node_stress;
     const std::vector<Contact<Dim>>& contacts;
+    const std::vector<RigidState<Dim>>& bodies;
+    const std::vector<BodyContact<Dim>>& body_contacts;
   };
   StateView state() const {
-    return {time_,      steps_,       time_step_,       params_.gravity,
-            particles_, node_stress_, problem_.contacts};
+    return {time_,
+            steps_,
+            time_step_,
+            params_.gravity,
+            particles_,
+            node_stress_,
+            problem_.contacts,
+            bodies_,
+            problem_.body_contacts};
   }
 
-  /// Goes on from `state`, which a simulation with the same grid, faces and obstacles had: the next
-  /// step gives the same bits as that one's. Throws std::invalid_argument, and changes nothing, if
-  /// a particle is refused (see the constructor) or the state does not fit the grid.
+  /// Goes on from `state`, which a simulation with the same grid, faces, obstacles and bodies had:
+  /// the next step gives the same bits as that one's. Throws std::invalid_argument, and changes
+  /// nothing, if a particle is refused (see the constructor) or the state does not fit the grid.
   void restore(SimulationState<Dim> state) {
     require_non_negative("state.time", state.time);
     require_positive("state.time_step", state.time_step);
@@ -244,6 +284,19 @@ class Simulation {
         throw_invalid("the source of a contact", contact.source,
                       "below " + std::to_string(sources));
     }
+    if (state.bodies.size() != bodies_.size())
+      throw_invalid("the number of bodies of the state", state.bodies.size(),
+                    std::to_string(bodies_.size()));
+    for (const RigidState<Dim>& body : state.bodies)
+      check_body_state(body);
+    for (const BodyContact<Dim>& contact : state.body_contacts) {
+      if (contact.body < 0 || contact.body >= static_cast<int>(bodies_.size()))
+        throw_invalid("the body of a contact", contact.body, "a body of the simulation");
+      const std::size_t b = static_cast<std::size_t>(contact.body);
+      const int corners = static_cast<int>(params_.bodies[b].corners.size());
+      if (contact.node < -corners || contact.node >= grid_.node_count())
+        throw_invalid("the node of a contact", contact.node, "a node of the grid, or a corner");
+    }
     time_ = state.time;
     steps_ = state.steps;
     time_step_ = state.time_step;
@@ -251,6 +304,8 @@ class Simulation {
     particles_ = std::move(state.particles);
     node_stress_ = std::move(state.node_stress);
     problem_.contacts = std::move(state.contacts);
+    bodies_ = std::move(state.bodies);
+    problem_.body_contacts = std::move(state.body_contacts);
   }
 
   /// Changes gravity (m/s²) from the next step on: tilts the box.
@@ -262,9 +317,11 @@ class Simulation {
 
   // Nodal fields of the last step; index with grid().node(...).
 
-  /// φ_i: material volume at node i over the node's volume; 1 is dense.
+  /// φ_i: material volume at node i over the node's volume outside of obstacles and bodies; 1 is
+  /// dense.
   double volume_fraction(const Index<Dim>& node) const {
-    return material_volume_[static_cast<std::size_t>(grid_.node(node))] / grid_.node_volume(node);
+    const std::size_t j = static_cast<std::size_t>(grid_.node(node));
+    return material_volume_[j] / (open_share_[j] * grid_.node_volume(node));
   }
   /// u_i, m/s; zero where there is no material.
   Vec<Dim> velocity(const Index<Dim>& node) const {
@@ -290,6 +347,8 @@ class Simulation {
   using Clock = std::chrono::steady_clock;
   using Wide = NodeVec<Dim>;
   static constexpr int cone_size = symmetric_size<Dim>;
+  static constexpr int spin = spin_size<Dim>;
+  static constexpr double least_open_share = 0.1; ///< also of what has got into a solid
 
   static double seconds(Clock::time_point from, Clock::time_point to) {
     return std::chrono::duration<double>(to - from).count();
@@ -308,6 +367,71 @@ class Simulation {
           throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
       }
     }
+  }
+
+  static void check_body_state(const RigidState<Dim>& body) {
+    for (int a = 0; a < Dim; ++a) {
+      require_finite("a body's position", body.position[a]);
+      require_finite("a body's velocity", body.velocity[a]);
+    }
+    for (int a = 0; a < spin_size<Dim>; ++a)
+      require_finite("a body's angular velocity", body.angular_velocity[a]);
+    const double error = (body.rotation * body.rotation.transpose() - Mat<Dim>::Identity()).norm();
+    if (!(error < 1e-9))
+      throw_invalid("a body's |R Rᵀ - I|", error, "a rotation, < 1e-9");
+  }
+
+  /// Takes the bodies' start. Refuses what a cell cannot resolve, and corners outside of the box.
+  void add_bodies() {
+    for (const Body<Dim>& body : params_.bodies) {
+      body.validate();
+      check_body_state(body.start);
+      const Placed<Dim> placed{body.shape, body.start};
+      double thickness = -2 * placed.distance(body.start.position);
+      for (const int node : node_order_.nodes())
+        thickness = std::max(thickness, -2 * placed.distance(grid_.node_position(node)));
+      const double least = 2 * grid_.spacing().minCoeff();
+      if (!(thickness >= least))
+        throw_invalid("a body's thickness", thickness,
+                      "at least two cells, " + std::to_string(least) + " m");
+      for_each_corner_gap(body, body.start, [&](std::size_t, int axis, bool, double gap) {
+        if (gap < -1e-9 * grid_.size()[axis])
+          throw_invalid("the distance of a body's corner to a face", gap, ">= 0");
+      });
+      double radius = 0;
+      for (const Vec<Dim>& corner : body.corners)
+        radius = std::max(radius, corner.norm() + body.corner_radius);
+      body_radius_.push_back(radius);
+      bodies_.push_back(body.start);
+      body_inverse_inertia_.push_back(
+          body.rotates ? Mat<spin>(body.inertia.llt().solve(Mat<spin>::Identity()))
+                       : Mat<spin>(Mat<spin>::Zero()));
+      if (!body.rotates)
+        bodies_.back().angular_velocity.setZero();
+    }
+    problem_.bodies.resize(bodies_.size());
+  }
+
+  /// Calls visit(corner, axis, upper, gap in m) for every corner and every face that is not free.
+  template <class Visit>
+  void for_each_corner_gap(const Body<Dim>& body, const RigidState<Dim>& state,
+                           const Visit& visit) const {
+    for (std::size_t c = 0; c < body.corners.size(); ++c) {
+      const Vec<Dim> x = state.position + state.rotation * body.corners[c];
+      for (int a = 0; a < Dim; ++a) {
+        const std::size_t s = static_cast<std::size_t>(a);
+        if (params_.faces.lower[s].kind != FaceKind::free)
+          visit(c, a, false, x[a] - body.corner_radius - grid_.origin()[a]);
+        if (params_.faces.upper[s].kind != FaceKind::free)
+          visit(c, a, true, grid_.upper()[a] - body.corner_radius - x[a]);
+      }
+    }
+  }
+
+  static int face_source(int axis, bool upper) { return 2 * axis + (upper ? 1 : 0); }
+  static int obstacle_source(std::size_t obstacle) { return 2 * Dim + static_cast<int>(obstacle); }
+  int body_source(std::size_t body) const {
+    return obstacle_source(params_.obstacles.size() + body);
   }
 
   double node_mass(std::size_t node) const {
@@ -355,11 +479,20 @@ class Simulation {
                              std::abs(params_.gravity[a]) * params_.time_step;
         rate = std::max(rate, speed * grid_.inverse_spacing()[a]);
       }
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      for (int a = 0; a < Dim; ++a) {
+        const double speed = std::abs(bodies_[b].velocity[a]) +
+                             std::abs(params_.gravity[a]) * params_.time_step +
+                             bodies_[b].angular_velocity.norm() * body_radius_[b];
+        rate = std::max(rate, speed * grid_.inverse_spacing()[a]);
+      }
     const double next = params_.cfl / rate, ratio = next / time_step_;
     time_step_ = next;
     for (Vec<cone_size>& stress : node_stress_)
       stress *= ratio;
     for (Contact<Dim>& contact : problem_.contacts)
+      contact.impulse *= ratio;
+    for (BodyContact<Dim>& contact : problem_.body_contacts)
       contact.impulse *= ratio;
   }
 
@@ -370,8 +503,11 @@ class Simulation {
     for (const int node : node_order_.nodes()) {
       const std::size_t j = static_cast<std::size_t>(node);
       problem_.inverse_mass[j] = Wide::Zero();
+      open_share_[j] = 1;
+      node_cone_[j] = -1;
       if (material_volume_[j] >= least_volume) {
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
+        node_cone_[j] = static_cast<int>(problem_.node.size());
         problem_.node.push_back(node);
       } else {
         node_stress_[j].setZero();
@@ -404,13 +540,31 @@ class Simulation {
       if (!order_.empty(cell))
         add_coupling(moments_[static_cast<std::size_t>(cell)], corner, grid_.inverse_spacing(), g);
     });
-    problem_.volume[i] = grid_.node_volume(index);
+    open_share_[j] = open_share(grid_.node_position(index));
+    problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = node_stress_[j];
     // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
-    const double room = params_.packing.room(problem_.volume[i] - material_volume_[j],
-                                             problem_.volume[i], relief_share_);
+    // Next to solids overpacking is left alone: there it mostly is what the grid does not resolve,
+    // and taking it back stirs the material under a load.
+    const double share = open_share_[j] < 1 ? 0 : relief_share_;
+    const double room =
+        params_.packing.room(problem_.volume[i] - material_volume_[j], problem_.volume[i], share);
     problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * time_step_));
     problem_.friction[i] = cone_friction<Dim>(friction(i, j, index));
+  }
+
+  /// Share of the volume of the node at x that obstacles and bodies leave to the material.
+  double open_share(const Vec<Dim>& x) const {
+    double share = 1;
+    for (const auto& obstacle : params_.obstacles)
+      share *= obstacle->open_share(x, grid_.spacing(), time_);
+    for (std::size_t b = 0; b < bodies_.size(); ++b)
+      share *= node_in_body(b, x).open_share;
+    return std::max(share, least_open_share);
+  }
+
+  NodeInSolid<Dim> node_in_body(std::size_t b, const Vec<Dim>& x) const {
+    return node_in_solid<Dim>(Placed<Dim>{params_.bodies[b].shape, bodies_[b]}, x, grid_.spacing());
   }
 
   double friction(std::size_t i, std::size_t j, const Index<Dim>& index) {
@@ -442,7 +596,25 @@ class Simulation {
         problem_.velocity[j] += change;
       }
     }
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+      const double speed =
+          bodies_[b].velocity.norm() + bodies_[b].angular_velocity.norm() * body_radius_[b];
+      largest2 = std::max(largest2, speed * speed);
+      FreeBody<Dim>& body = problem_.bodies[b];
+      body.velocity = bodies_[b].velocity + time_step_ * params_.gravity;
+      body.angular_velocity = bodies_[b].angular_velocity;
+      body.inverse_mass = 1 / params_.bodies[b].mass;
+      body.inverse_inertia = in_box(b, body_inverse_inertia_[b]);
+    }
     problem_.velocity_scale = std::max(change.norm(), 1e-3 * std::sqrt(largest2));
+  }
+
+  /// A tensor of body b from its own frame to the box's.
+  Mat<spin> in_box(std::size_t b, const Mat<spin>& tensor) const {
+    if constexpr (Dim == 2)
+      return tensor;
+    else
+      return bodies_[b].rotation * tensor * bodies_[b].rotation.transpose();
   }
 
   /// Calls visit(node number, axis, face) for every node of the box's faces.
@@ -473,22 +645,26 @@ class Simulation {
     }
   }
 
+  /// Gives `contact` the impulse that it had in `last`, from `cursor` on, if it is there. Both
+  /// lists are in the order of `key`.
+  template <class AnyContact, class Key>
+  static void inherit_impulse(AnyContact& contact, const std::vector<AnyContact>& last,
+                              std::size_t& cursor, const Key& key) {
+    while (cursor < last.size() && key(last[cursor]) < key(contact))
+      ++cursor;
+    if (cursor < last.size() && key(last[cursor]) == key(contact))
+      contact.impulse = last[cursor].impulse;
+  }
+
   /// Contacts of the active nodes with frictional faces and obstacles, with their last impulses.
   void collect_contacts() {
     std::swap(last_contacts_, problem_.contacts);
     problem_.contacts.clear();
-    auto last = last_contacts_.cbegin();
-    auto add = [&](Contact<Dim> contact) {
-      // Both lists are in the order of (rank of the node, source).
-      const auto before = [&](const Contact<Dim>& a, const Contact<Dim>& b) {
-        return std::pair(node_rank_[static_cast<std::size_t>(a.node)], a.source) <
-               std::pair(node_rank_[static_cast<std::size_t>(b.node)], b.source);
-      };
-      while (last != last_contacts_.cend() && before(*last, contact))
-        ++last;
-      if (last != last_contacts_.cend() && last->node == contact.node &&
-          last->source == contact.source)
-        contact.impulse = last->impulse;
+    std::size_t last = 0;
+    const auto add = [&](Contact<Dim> contact) {
+      inherit_impulse(contact, last_contacts_, last, [&](const Contact<Dim>& c) {
+        return std::pair(node_rank_[static_cast<std::size_t>(c.node)], c.source);
+      });
       problem_.contacts.push_back(contact);
     };
     for (Block& block : problem_.blocks) {
@@ -502,7 +678,7 @@ class Simulation {
             return;
           Contact<Dim> contact;
           contact.node = node;
-          contact.source = 2 * axis + (upper ? 1 : 0);
+          contact.source = face_source(axis, upper);
           contact.normal[axis] = upper ? -1 : 1;
           contact.friction = face.friction;
           add(contact);
@@ -516,7 +692,7 @@ class Simulation {
             continue;
           Contact<Dim> contact;
           contact.node = node;
-          contact.source = 2 * Dim + static_cast<int>(o);
+          contact.source = obstacle_source(o);
           contact.normal = held->normal;
           contact.wall_velocity = held->velocity;
           contact.friction = held->friction;
@@ -527,10 +703,148 @@ class Simulation {
     }
   }
 
+  /// Contacts of the free bodies with active nodes, and of their corners with faces.
+  void collect_body_contacts() {
+    std::swap(last_body_contacts_, problem_.body_contacts);
+    problem_.body_contacts.clear();
+    std::size_t last = 0;
+    const auto add = [&](BodyContact<Dim>& contact) {
+      inherit_impulse(contact, last_body_contacts_, last, [&](const BodyContact<Dim>& c) {
+        const bool corner = c.node < 0;
+        const std::size_t place = corner ? static_cast<std::size_t>(-1 - c.node)
+                                         : node_rank_[static_cast<std::size_t>(c.node)];
+        return std::tuple(c.body, corner, place, c.source);
+      });
+      contact.inverse_mass = contact_inverse_mass(problem_, contact);
+      problem_.body_contacts.push_back(contact);
+    };
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+      const Body<Dim>& body = params_.bodies[b];
+      BodyContact<Dim> contact;
+      contact.body = static_cast<int>(b);
+      contact.source = body_source(b);
+      contact.friction = body.friction;
+      for (const int node : problem_.node) {
+        const std::size_t j = static_cast<std::size_t>(node);
+        if (open_share_[j] == 1 || !(problem_.inverse_mass[j].maxCoeff() > 0))
+          continue; // too far away, or it cannot move
+        const Vec<Dim> x = grid_.node_position(node);
+        const NodeInSolid<Dim> seen = node_in_body(b, x);
+        if (!seen.contact)
+          continue;
+        contact.node = node;
+        contact.normal = seen.normal;
+        contact.arm = x - bodies_[b].position;
+        contact.impulse.setZero();
+        add(contact);
+      }
+      for_each_corner_gap(body, bodies_[b], [&](std::size_t c, int axis, bool upper, double gap) {
+        if (gap > grid_.spacing()[axis])
+          return; // nothing crosses a cell in a step
+        const std::size_t s = static_cast<std::size_t>(axis);
+        const Face& face = upper ? params_.faces.upper[s] : params_.faces.lower[s];
+        BodyContact<Dim> touch;
+        touch.node = -1 - static_cast<int>(c);
+        touch.source = face_source(axis, upper);
+        touch.body = static_cast<int>(b);
+        touch.normal[axis] = upper ? 1 : -1;
+        touch.arm = bodies_[b].rotation * body.corners[c] + body.corner_radius * touch.normal;
+        touch.wall_velocity = -gap / time_step_ * touch.normal; // it may come as near as that
+        touch.friction = face.kind == FaceKind::stick        ? body.friction
+                         : face.kind == FaceKind::frictional ? face.friction
+                                                             : 0;
+        add(touch);
+      });
+    }
+  }
+
   /// Keeps λ per node for the next step's warm start, and for output.
   void keep_stresses() {
     for (std::size_t i = 0; i < problem_.cones(); ++i)
       node_stress_[static_cast<std::size_t>(problem_.node[i])] = problem_.stress[i];
+  }
+
+  /// What every face, obstacle and body feels: the impulses of its contacts, and on faces that
+  /// stick or slip the momentum that the nodes on them would have without them.
+  void measure_wrenches() {
+    std::fill(wrenches_.begin(), wrenches_.end(), Wrench<Dim>());
+    const auto wrench = [&](int source) -> Wrench<Dim>& {
+      return wrenches_[static_cast<std::size_t>(source)];
+    };
+    // gives component a of the momentum of a node to the faces that hold it
+    const auto hold = [&](int node, int a, double momentum) {
+      const Index<Dim> index = grid_.node_index(node);
+      std::array<int, static_cast<std::size_t>(Dim)> sources{};
+      std::size_t count = 0;
+      bool normal = false;
+      for_each_face(index, [&](int axis, bool upper, const Face& face) {
+        const bool holds = face.kind == FaceKind::stick || face.kind == FaceKind::slip;
+        if (holds && axis == a) {
+          sources[0] = face_source(axis, upper);
+          count = 1;
+          normal = true;
+        } else if (!normal && face.kind == FaceKind::stick) {
+          sources[count++] = face_source(axis, upper);
+        }
+      });
+      for (std::size_t k = 0; k < count; ++k)
+        wrench(sources[k])
+            .add(grid_.node_position(index),
+                 momentum / static_cast<double>(count) * Vec<Dim>::Unit(a));
+    };
+    const auto hold_held = [&](int node, const Vec<Dim>& momentum) {
+      for (int a = 0; a < Dim; ++a)
+        if (problem_.inverse_mass[static_cast<std::size_t>(node)][a] == 0)
+          hold(node, a, momentum[a]);
+    };
+
+    for (const int node : problem_.node) {
+      const std::size_t j = static_cast<std::size_t>(node);
+      if (problem_.inverse_mass[j].template head<Dim>().minCoeff() > 0)
+        continue;
+      const Vec<Dim> before = velocity_before_[j].template head<Dim>();
+      Vec<Dim> momentum = node_mass(j) * (before + time_step_ * params_.gravity);
+      for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+        const int cone = node_cone_[static_cast<std::size_t>(node + grid_.neighbour_offset(k))];
+        if (cone < 0)
+          continue;
+        const std::size_t i = static_cast<std::size_t>(cone);
+        momentum += vector_to_symmetric<Dim, double>(problem_.stress[i]) *
+                    problem_.coupling[i].col(Grid<Dim>::neighbours - 1 - k);
+      }
+      hold_held(node, momentum);
+    }
+    for (const Contact<Dim>& contact : problem_.contacts) {
+      wrench(contact.source).add(grid_.node_position(contact.node), -contact.impulse);
+      hold_held(contact.node, contact.impulse);
+    }
+    for (const BodyContact<Dim>& contact : problem_.body_contacts) {
+      const std::size_t b = static_cast<std::size_t>(contact.body);
+      const Vec<Dim> x = bodies_[b].position + contact.arm;
+      wrench(body_source(b)).add(x, -contact.impulse);
+      if (contact.node >= 0)
+        hold_held(contact.node, contact.impulse);
+      else
+        wrench(contact.source).add(x, contact.impulse);
+    }
+    for (Wrench<Dim>& w : wrenches_) {
+      w.force /= time_step_;
+      w.torque /= time_step_;
+    }
+  }
+
+  /// The bodies' place and velocities after the step. Without torque J ω stays: ω follows J, which
+  /// turns with the body.
+  void move_bodies() {
+    for (std::size_t b = 0; b < bodies_.size(); ++b) {
+      RigidState<Dim>& body = bodies_[b];
+      body.velocity = problem_.bodies[b].velocity;
+      body.angular_velocity = problem_.bodies[b].angular_velocity;
+      const Spin<Dim> momentum = in_box(b, params_.bodies[b].inertia) * body.angular_velocity;
+      body.advance(time_step_);
+      if (Dim == 3 && params_.bodies[b].rotates)
+        body.angular_velocity = in_box(b, body_inverse_inertia_[b]) * momentum;
+    }
   }
 
   /// v_p, C_p and x_p from the grid's new velocities.
@@ -581,6 +895,9 @@ class Simulation {
   BlockOrder<Dim> node_order_;
   std::vector<std::size_t> node_rank_; ///< place of a node in node_order_
   Particles<Dim> particles_;
+  std::vector<RigidState<Dim>> bodies_;         ///< #bodies
+  std::vector<double> body_radius_;             ///< of their corners, #bodies, m
+  std::vector<Mat<spin>> body_inverse_inertia_; ///< in their own frames, #bodies
   double time_ = 0;
   std::size_t steps_ = 0;
   double time_step_ = 0;    ///< δt of this step, s
@@ -593,7 +910,11 @@ class Simulation {
   std::vector<NodeVec<Dim>> velocity_before_; ///< u*, #nodes, m/s
   std::vector<Vec<cone_size>> node_stress_;   ///< λ, #nodes, Pa s
   std::vector<double> inertial_number_;       ///< #nodes
+  std::vector<double> open_share_;            ///< of a node's volume, #nodes
+  std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
+  std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
   std::vector<Contact<Dim>> last_contacts_;
+  std::vector<BodyContact<Dim>> last_body_contacts_;
   DualProblem<Dim> problem_;
   typename SolverT::template Workspace<Dim> workspace_;
 };

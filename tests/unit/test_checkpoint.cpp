@@ -69,6 +69,39 @@ TEST_CASE("a run from a checkpoint goes on with the same bits") {
   goes_on_with_the_same_bits<3>();
 }
 
+TEST_CASE("a run with a free body goes on with the same bits") {
+  const auto make = [](double mass_factor) {
+    Sim<3>::Params params;
+    params.grid = {.origin = {0, 0, 0}, .size = {0.2, 0.2, 0.2}, .cells = {8, 8, 8}};
+    params.material.density = 1500;
+    params.gravity = {0, 0, -9.81};
+    params.time_step = 1e-3;
+    params.rheology.mu = 0.44;
+    auto ball = ball_body<3>({0.1, 0.1, 0.13}, 0.05, 3000, 0.3);
+    ball.mass *= mass_factor;
+    ball.start.velocity[2] = -1;
+    ball.start.angular_velocity = {3, 2, 1};
+    params.bodies.push_back(ball);
+    Particles<3> sand;
+    fill_box<3>(sand, Grid<3>(params.grid), {0, 0, 0}, {0.2, 0.2, 0.075}, {.per_axis = 2});
+    return Sim<3>(params, sand);
+  };
+  const Folder folder;
+  auto run = make(1), restarted = make(1), other = make(2);
+  checksum_after(run, 10);
+  CHECK(run.problem().body_contacts.size() > 0);
+  write_checkpoint(folder / "a.talus", run);
+  CHECK(read_checkpoint(folder / "a.talus", restarted).empty());
+  CHECK(checksum_after(restarted, 10) == checksum_after(run, 10));
+  CHECK(restarted.bodies()[0].position == run.bodies()[0].position);
+  CHECK(restarted.bodies()[0].rotation == run.bodies()[0].rotation);
+  CHECK(restarted.bodies()[0].velocity == run.bodies()[0].velocity);
+  CHECK(restarted.bodies()[0].angular_velocity == run.bodies()[0].angular_velocity);
+  CHECK(
+      contains(message_of<std::runtime_error>([&] { read_checkpoint(folder / "a.talus", other); }),
+               "its bodies.0.mass"));
+}
+
 TEST_CASE("a law that depends on the last step's strain rate goes on with the same bits") {
   const auto make = [] {
     CollapseSetup setup = support::b15();
@@ -137,8 +170,9 @@ TEST_CASE("a state that does not fit is refused and changes nothing") {
   checksum_after(run, 2);
   const auto state = [&] {
     const auto view = run.state();
-    return SimulationState<2>{view.time,      view.steps,       view.time_step, view.gravity,
-                              view.particles, view.node_stress, view.contacts};
+    return SimulationState<2>{view.time,     view.steps,     view.time_step,
+                              view.gravity,  view.particles, view.node_stress,
+                              view.contacts, view.bodies,    view.body_contacts};
   };
   run.restore(state());
   const auto refused = [&](const SimulationState<2>& bad) {

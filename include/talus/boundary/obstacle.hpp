@@ -27,6 +27,14 @@ class Obstacle {
   /// leaks through.
   virtual std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,
                                                       double time) const = 0;
+
+  /// Share of the volume of the node at x that is outside of the obstacle, in [0, 1]. Without it
+  /// material that fills the rest of a node's volume counts as loose, and settles by up to half a
+  /// cell on the obstacle. Called from several threads.
+  virtual double open_share(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/,
+                            double /*time*/) const {
+    return 1;
+  }
 };
 
 } // namespace talus

@@ -3,6 +3,7 @@
 
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
+#include "talus/dual/body_contact.hpp"
 #include "talus/dual/problem.hpp"
 
 #include <array>
@@ -131,6 +132,8 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
     problem.velocity[j].template head<Dim>() +=
         problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
   }
+  for (const BodyContact<Dim>& contact : problem.body_contacts)
+    apply_impulse(problem, contact, contact.impulse);
 }
 
 /// Takes all stresses and impulses out of the velocities and sets them to zero: from u to u_free, a
@@ -145,6 +148,10 @@ void remove_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
     const std::size_t j = static_cast<std::size_t>(contact.node);
     problem.velocity[j].template head<Dim>() -=
         problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+    contact.impulse.setZero();
+  }
+  for (BodyContact<Dim>& contact : problem.body_contacts) {
+    apply_impulse<Dim>(problem, contact, -contact.impulse);
     contact.impulse.setZero();
   }
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/grid.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/transfer/cell_moments.hpp"
@@ -29,6 +30,25 @@ struct Contact {
   Vec<Dim> wall_velocity = Vec<Dim>::Zero(); ///< u_b, m/s
   double friction = 0;                       ///< μ_w
   Vec<Dim> impulse = Vec<Dim>::Zero();       ///< r, N s (per metre in 2-D); the unknown
+};
+
+/// A free rigid body: its velocities are unknowns like those of the nodes.
+template <int Dim>
+struct FreeBody {
+  Vec<Dim> velocity = Vec<Dim>::Zero();                              ///< of the centre of mass, m/s
+  Spin<Dim> angular_velocity = Spin<Dim>::Zero();                    ///< rad/s
+  double inverse_mass = 0;                                           ///< 1/kg (m/kg in 2-D)
+  Mat<spin_size<Dim>> inverse_inertia = Mat<spin_size<Dim>>::Zero(); ///< in the box's frame
+};
+
+/// A contact of a free body with a node, or with a face of the box: the law of Contact with
+/// w = u_j − V − ω × arm − wall_velocity; −r acts on the body. n points out of the body.
+template <int Dim>
+struct BodyContact : Contact<Dim> { ///< node: < 0 on a face, −1 − number of the body's corner
+  int body = 0;
+  Vec<Dim> arm = Vec<Dim>::Zero(); ///< from the centre of mass, m
+  double inverse_mass =
+      0; ///< a bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg
 };
 
 /// Cones and contacts that one thread visits in sequence; see dual/coloring.hpp.
@@ -61,6 +81,9 @@ struct DualProblem {
   std::vector<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown
 
   std::vector<Contact<Dim>> contacts; ///< sorted by block
+
+  std::vector<FreeBody<Dim>> bodies;
+  std::vector<BodyContact<Dim>> body_contacts; ///< visited one after the other: they share bodies
 
   std::vector<Block> blocks; ///< blocks of one colour share no velocity
   std::vector<std::size_t>

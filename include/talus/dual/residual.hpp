@@ -3,6 +3,7 @@
 
 #include "talus/cone/law.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/dual/body_contact.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -22,7 +23,8 @@ struct Residual {
 };
 
 /// Measures residuals. Cone i contributes the energy e_i = w_i |f_MFB(γ_i/w_i, λ_i)|², w_i = tr
-/// W_ii / s; a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass. l2 = sqrt(Σ e / E), with E
+/// W_ii / s; a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass (a free body's: the bound of
+/// its W). l2 = sqrt(Σ e / E), with E
 /// the energy of the solution itself, Σ w_i |λ_i|² + Σ w_j |r|², and at least that of the masses at
 /// the problem's velocity_scale; max is the largest sqrt(e) in units of sqrt(E / number). All cones
 /// count, whatever a solver skipped. A solution whose stresses are wrong by a fraction x shows a
@@ -60,19 +62,14 @@ class ResidualMeter {
         Sums::join);
 
     for (const Contact<Dim>& contact : problem.contacts) {
-      const double inverse_mass = contact_inverse_mass(problem, contact);
-      const Vec<Dim> w =
-          (problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>() -
-           contact.wall_velocity) /
-          inverse_mass;
-      // (normal, tangential vector in the frame of the box): the law only sees norms of tangents
-      Vec<Dim + 1> gamma, lambda;
-      gamma << w.dot(contact.normal), w - w.dot(contact.normal) * contact.normal;
-      lambda << contact.impulse.dot(contact.normal),
-          contact.impulse - contact.impulse.dot(contact.normal) * contact.normal;
-      sums.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
-               lambda.squaredNorm(), inverse_mass);
+      const Vec<Dim> u =
+          problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>();
+      add_contact(sums, contact, u, contact_inverse_mass(problem, contact));
     }
+    for (const FreeBody<Dim>& body : problem.bodies)
+      sums.least += speed2 / body.inverse_mass;
+    for (const BodyContact<Dim>& contact : problem.body_contacts)
+      add_contact(sums, contact, relative_velocity(problem, contact), contact.inverse_mass);
     return sums.residual();
   }
 
@@ -100,6 +97,19 @@ class ResidualMeter {
       return {std::sqrt(error / scale), std::sqrt(worst / (scale / count))};
     }
   };
+
+  /// u: Dim, velocity at the contact; inverse_mass: w_j.
+  static void add_contact(Sums& sums, const Contact<Dim>& contact, const Vec<Dim>& u,
+                          double inverse_mass) {
+    const Vec<Dim> w = (u - contact.wall_velocity) / inverse_mass;
+    // (normal, tangential vector in the frame of the box): the law only sees norms of tangents
+    Vec<Dim + 1> gamma, lambda;
+    gamma << w.dot(contact.normal), w - w.dot(contact.normal) * contact.normal;
+    lambda << contact.impulse.dot(contact.normal),
+        contact.impulse - contact.impulse.dot(contact.normal) * contact.normal;
+    sums.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
+             lambda.squaredNorm(), inverse_mass);
+  }
 
   std::vector<Sums> partials_;
 };

@@ -24,7 +24,7 @@ namespace talus {
 
 namespace detail {
 
-inline constexpr std::string_view checkpoint_format = "talus-checkpoint 1";
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 2";
 
 /// What must be the same for a state to be meaningful: name and value of each. Friction law,
 /// transfer and solver are left out: a run may go on with others.
@@ -58,6 +58,12 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   add("packing.slack", params.packing.slack);
   add("packing.relief", params.packing.relief);
   add("obstacles", params.obstacles.size());
+  add("bodies", params.bodies.size());
+  for (std::size_t b = 0; b < params.bodies.size(); ++b) {
+    const std::string body = "bodies." + std::to_string(b);
+    add(body + ".mass", params.bodies[b].mass);
+    add(body + ".friction", params.bodies[b].friction);
+  }
   return lines;
 }
 
@@ -86,7 +92,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     out.text(name + " " + value + "\n");
   out.line("state", state.time, state.steps, state.time_step);
   out.line("counts", state.particles.size(), state.node_stress.size(), state.contacts.size(),
-           notes.size());
+           state.body_contacts.size(), notes.size());
   out.text(notes);
   out.raw(state.gravity);
   flush();
@@ -104,6 +110,18 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
   for (const Contact<dim>& contact : state.contacts) {
     out.raw(contact.node);
     out.raw(contact.source);
+    out.raw(contact.impulse);
+  }
+  for (const RigidState<dim>& body : state.bodies) {
+    out.raw(body.position);
+    out.raw(body.rotation);
+    out.raw(body.velocity);
+    out.raw(body.angular_velocity);
+  }
+  for (const BodyContact<dim>& contact : state.body_contacts) {
+    out.raw(contact.node);
+    out.raw(contact.source);
+    out.raw(contact.body);
     out.raw(contact.impulse);
   }
   flush();
@@ -135,9 +153,9 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     compare(name, value);
 
   SimulationState<dim> state;
-  std::size_t particles = 0, nodes = 0, contacts = 0, length = 0;
+  std::size_t particles = 0, nodes = 0, contacts = 0, body_contacts = 0, length = 0;
   in.line("state", state.time, state.steps, state.time_step);
-  in.line("counts", particles, nodes, contacts, length);
+  in.line("counts", particles, nodes, contacts, body_contacts, length);
   std::string notes(in.take(length));
   in.raw(state.gravity);
   in.need(particles, sizeof(double) * (2 + 2 * dim + dim * dim));
@@ -160,6 +178,21 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   for (Contact<dim>& contact : state.contacts) {
     in.raw(contact.node);
     in.raw(contact.source);
+    in.raw(contact.impulse);
+  }
+  state.bodies.resize(sim.bodies().size());
+  for (RigidState<dim>& body : state.bodies) {
+    in.raw(body.position);
+    in.raw(body.rotation);
+    in.raw(body.velocity);
+    in.raw(body.angular_velocity);
+  }
+  in.need(body_contacts, 3 * sizeof(int));
+  state.body_contacts.resize(body_contacts);
+  for (BodyContact<dim>& contact : state.body_contacts) {
+    in.raw(contact.node);
+    in.raw(contact.source);
+    in.raw(contact.body);
     in.raw(contact.impulse);
   }
   if (!in.at_end())

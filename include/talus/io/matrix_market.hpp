@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
@@ -32,9 +33,12 @@ namespace talus {
 ///           that cannot move add
 ///   mu.mtx  (cones + contacts) × 1: opening of each cone
 ///   lambda.mtx rows × 1: the stresses and impulses in the problem, a start
-/// W = H M⁻¹ Eᵀ. Throws std::runtime_error if a file cannot be written.
+/// W = H M⁻¹ Eᵀ. Throws std::runtime_error if a file cannot be written,
+/// std::invalid_argument for a problem with free bodies, which are left out of this form.
 template <int Dim>
 void write_matrix_market(const std::filesystem::path& folder, const DualProblem<Dim>& original) {
+  if (!original.bodies.empty())
+    throw_invalid("the number of free bodies in an exported problem", original.bodies.size(), "0");
   constexpr int s = symmetric_size<Dim>;
   DualProblem<Dim> problem = original;
   remove_impulses(problem, Stencil<Dim>(problem.grid));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/coloring.hpp"
@@ -44,9 +45,12 @@ Contact<Dim> read_contact(ByteReader& reader) {
 
 /// Saves a dual problem with its present stresses and impulses: in Simulation::step(before_solve),
 /// the warm start; after the step, the solution. Throws std::runtime_error if the file cannot be
-/// written; an earlier file of that name is replaced only by a complete one.
+/// written; an earlier file of that name is replaced only by a complete one. Throws
+/// std::invalid_argument for a problem with free bodies, which the format does not hold.
 template <int Dim>
 void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& problem) {
+  if (!problem.bodies.empty())
+    throw_invalid("the number of free bodies in a problem file", problem.bodies.size(), "0");
   const auto& grid = problem.grid;
   std::vector<int> points; // whose velocity or mass is not zero
   for (std::size_t j = 0; j < problem.velocity.size(); ++j)

@@ -6,6 +6,7 @@
 #include "talus/cone/projection_step.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/dual/body_contact.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -59,7 +60,8 @@ class GaussSeidel {
     std::vector<double> change2; ///< Σ w_i |Δλ_i|² of the last sweep, #blocks
     // x_{k−1}
     std::vector<Vec<symmetric_size<Dim>>> last_stress; ///< #cones
-    std::vector<Vec<Dim>> last_impulse;                ///< #contacts
+    std::vector<Vec<Dim>> last_impulse;                ///< #contacts, then #body_contacts
+    std::vector<FreeBody<Dim>> last_body;              ///< #bodies
     std::vector<NodeVec<Dim>> last_velocity;           ///< #cones
     ResidualMeter<Dim> meter;
   };
@@ -104,7 +106,7 @@ class GaussSeidel {
     for (int since = 1; unsolved; ++since) {
       sweep(problem, stencil, workspace, threads);
       ++report.iterations;
-      double change2 = 0;
+      double change2 = update_body_contacts(problem);
       for (const double of_block : workspace.change2)
         change2 += of_block;
       const double change = std::sqrt(change2);
@@ -180,7 +182,7 @@ class GaussSeidel {
                     });
   }
 
-  /// One pass over all cones and contacts.
+  /// One pass over all cones and contacts but those of free bodies.
   template <int Dim>
   void sweep(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, Workspace<Dim>& workspace,
              int threads) const {
@@ -277,9 +279,17 @@ class GaussSeidel {
                         move(problem.velocity[static_cast<std::size_t>(problem.node[i])],
                              workspace.last_velocity[i]);
                     });
-    workspace.last_impulse.resize(problem.contacts.size());
-    for (std::size_t c = 0; c < problem.contacts.size(); ++c)
+    const std::size_t contacts = problem.contacts.size();
+    workspace.last_impulse.resize(contacts + problem.body_contacts.size());
+    for (std::size_t c = 0; c < contacts; ++c)
       move(problem.contacts[c].impulse, workspace.last_impulse[c]);
+    for (std::size_t c = 0; c < problem.body_contacts.size(); ++c)
+      move(problem.body_contacts[c].impulse, workspace.last_impulse[contacts + c]);
+    workspace.last_body.resize(problem.bodies.size());
+    for (std::size_t b = 0; b < problem.bodies.size(); ++b) {
+      move(problem.bodies[b].velocity, workspace.last_body[b].velocity);
+      move(problem.bodies[b].angular_velocity, workspace.last_body[b].angular_velocity);
+    }
   }
 
   Params params_{};

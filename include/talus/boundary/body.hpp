@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/shapes.hpp"
+#include "talus/boundary/signed_distance.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/types.hpp"
+
+#include <Eigen/Cholesky>
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace talus {
+
+/// A free rigid body: gravity, the material and the faces of the box move it, and it moves them.
+/// M dV = M g δt − Σ r, J dω = −Σ arm × r, with the impulses r of its contacts solved together with
+/// the stresses. Against faces it is its corners that touch, each a ball of corner_radius.
+template <int Dim>
+struct Body {
+  Shape<Dim> shape; ///< in its own frame, the origin at the centre of mass
+  double mass = 0;  ///< M, kg (kg/m in 2-D); > 0
+  Mat<spin_size<Dim>> inertia = Mat<spin_size<Dim>>::Zero(); ///< J in its own frame, kg m² (kg m in
+                                                             ///< 2-D); positive definite
+  double friction = 0;           ///< μ_w against the material, and against sticking faces
+  RigidState<Dim> start{};       ///< at time 0
+  bool rotates = true;           ///< false: held upright, as by guides that take no force
+  std::vector<Vec<Dim>> corners; ///< in its own frame, m; none: it passes through faces
+  double corner_radius = 0;      ///< m
+
+  /// Throws std::invalid_argument if a parameter is out of range.
+  void validate() const {
+    if (shape.empty())
+      throw_invalid("body.shape", "empty", "a model of SignedDistance");
+    require_positive("body.mass", mass);
+    if (rotates && !(Eigen::LLT<Mat<spin_size<Dim>>>(inertia).info() == Eigen::Success &&
+                     inertia.allFinite() && inertia.isApprox(inertia.transpose())))
+      throw_invalid("body.inertia", inertia, "a symmetric positive definite matrix");
+    require_non_negative("body.friction", friction);
+    require_non_negative("body.corner_radius", corner_radius);
+    for (const Vec<Dim>& corner : corners)
+      for (int a = 0; a < Dim; ++a)
+        require_finite("a corner of a body", corner[a]);
+  }
+};
+
+/// A ball (2-D: a disc) of uniform density. radius: m; density: kg/m³; centre: m.
+template <int Dim>
+Body<Dim> ball_body(const Vec<Dim>& centre, double radius, double density, double friction) {
+  require_positive("ball: density", density);
+  Body<Dim> body;
+  body.shape = shapes::Ball<Dim>(Vec<Dim>::Zero(), radius);
+  const double r2 = radius * radius;
+  body.mass = density * std::numbers::pi * (Dim == 2 ? r2 : 4 * r2 * radius / 3);
+  body.inertia = (Dim == 2 ? 0.5 : 0.4) * body.mass * r2 * Mat<spin_size<Dim>>::Identity();
+  body.friction = friction;
+  body.start.position = centre;
+  body.corners = {Vec<Dim>::Zero()};
+  body.corner_radius = radius;
+  return body;
+}
+
+/// A block of uniform density. centre, size (edges): m; density: kg/m³.
+template <int Dim>
+Body<Dim> block_body(const Vec<Dim>& centre, const Vec<Dim>& size, double density,
+                     double friction) {
+  require_positive("block: density", density);
+  Body<Dim> body;
+  body.shape = shapes::Box<Dim>(-size / 2, size / 2);
+  body.mass = density * size.prod();
+  const Vec<Dim> squares = size.cwiseAbs2() * (body.mass / 12);
+  if constexpr (Dim == 2)
+    body.inertia(0, 0) = squares.sum();
+  else
+    body.inertia = (Vec<3>::Constant(squares.sum()) - squares).asDiagonal();
+  body.friction = friction;
+  body.start.position = centre;
+  for (int c = 0; c < 1 << Dim; ++c) {
+    Vec<Dim> corner = size / 2;
+    for (int a = 0; a < Dim; ++a)
+      if ((c >> a & 1) == 0)
+        corner[a] = -corner[a];
+    body.corners.push_back(corner);
+  }
+  return body;
+}
+
+} // namespace talus

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/node_in_solid.hpp"
+#include "talus/boundary/obstacle.hpp"
+#include "talus/boundary/signed_distance.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/types.hpp"
+
+#include <optional>
+#include <utility>
+
+namespace talus {
+
+/// An obstacle of any shape, at rest or with a prescribed motion: an inclined plate, a hopper, a
+/// rotating drum, a plough. What is thinner than two cells counts as two cells thick, so that
+/// nothing leaks (see node_in_solid); gaps narrower than a cell may close.
+template <int Dim>
+class ShapeObstacle final : public Obstacle<Dim> {
+ public:
+  struct Params {
+    Shape<Dim> shape;             ///< in its own frame
+    double friction = 0;          ///< μ_w
+    RigidMotion<Dim> motion = {}; ///< where that frame is; nothing: it is the box's, at rest
+  };
+
+  /// Throws std::invalid_argument if there is no shape, or the friction is negative or not finite.
+  explicit ShapeObstacle(Params params) : params_(std::move(params)) {
+    if (params_.shape.empty())
+      throw_invalid("shape_obstacle.shape", "empty", "a model of SignedDistance");
+    require_non_negative("shape_obstacle.friction", params_.friction);
+  }
+
+  /// Place and velocities at `time` (s).
+  RigidState<Dim> state(double time) const {
+    return params_.motion ? params_.motion(time) : RigidState<Dim>();
+  }
+
+  std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,
+                                              double time) const override {
+    const RigidState<Dim> now = state(time);
+    const NodeInSolid<Dim> node = look(now, x, spacing);
+    if (!node.contact)
+      return std::nullopt;
+    return ObstacleContact<Dim>{node.normal, now.velocity_at(x), params_.friction};
+  }
+
+  double open_share(const Vec<Dim>& x, const Vec<Dim>& spacing, double time) const override {
+    return look(state(time), x, spacing).open_share;
+  }
+
+ private:
+  NodeInSolid<Dim> look(const RigidState<Dim>& now, const Vec<Dim>& x,
+                        const Vec<Dim>& spacing) const {
+    return node_in_solid<Dim>(Placed<Dim>{params_.shape, now}, x, spacing);
+  }
+
+  Params params_;
+};
+
+} // namespace talus

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/types.hpp"
+
+#include <concepts>
+#include <functional>
+#include <utility>
+
+namespace talus {
+
+/// A solid that says how far away it is. A model S has
+///   - `s.distance(x)` → m, x: Vec<Dim> in m: negative inside, 0 on the surface, positive outside;
+///     1-Lipschitz. Its magnitude is the distance to the surface or less, and exact near the
+///     surface but for edges.
+/// No normal is asked for: see surface_normal. Models: boundary/shapes.hpp, Shape. Which when, and
+/// one of your own: docs/concepts/boundary.md.
+template <class S, int Dim>
+concept SignedDistance = std::copy_constructible<S> && requires(const S s, const Vec<Dim> x) {
+  { s.distance(x) } -> std::convertible_to<double>;
+};
+
+/// Any model of SignedDistance, with its type forgotten.
+template <int Dim>
+class Shape {
+ public:
+  /// Nothing yet: distance() must not be called.
+  Shape() = default;
+  template <class S>
+  requires(!std::same_as<S, Shape>) &&
+      SignedDistance<S, Dim> Shape(
+          S shape) // NOLINT(google-explicit-constructor): a solid is a Shape
+      : distance_([s = std::move(shape)](const Vec<Dim>& x) -> double { return s.distance(x); }) {}
+
+  bool empty() const { return !distance_; }
+  double distance(const Vec<Dim>& x) const { return distance_(x); }
+
+ private:
+  std::function<double(const Vec<Dim>&)> distance_;
+};
+
+/// A solid in its own frame, seen from the box.
+template <int Dim>
+struct Placed {
+  const Shape<Dim>& shape;
+  const RigidState<Dim>& state;
+  double distance(const Vec<Dim>& x) const { return shape.distance(state.in_body(x)); }
+};
+
+/// The outward unit normal of the level set of `solid` through x (m), by central differences over
+/// ± step (m). Where they cancel, in the middle of a plate, one-sided ones choose a side; never
+/// zero.
+template <int Dim, SignedDistance<Dim> S>
+Vec<Dim> surface_normal(const S& solid, const Vec<Dim>& x, double step) {
+  Vec<Dim> central, forward;
+  const double here = solid.distance(x);
+  for (int a = 0; a < Dim; ++a) {
+    const double above = solid.distance(x + step * Vec<Dim>::Unit(a));
+    central[a] = (above - solid.distance(x - step * Vec<Dim>::Unit(a))) / (2 * step);
+    forward[a] = (above - here) / step;
+  }
+  for (const Vec<Dim>& gradient : {central, forward})
+    if (gradient.norm() > 0.1) // 1 but for edges and ridges
+      return gradient.normalized();
+  return Vec<Dim>::Unit(up_axis<Dim>);
+}
+
+} // namespace talus

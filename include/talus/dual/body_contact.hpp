@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/contact_law.hpp"
+#include "talus/dual/problem.hpp"
+
+#include <cstddef>
+
+/// \file
+/// Contacts of free bodies: what they do to the velocities of node and body, and their visit.
+
+namespace talus {
+
+/// u_j − V − ω × arm, m/s; a face of the box does not move.
+template <int Dim>
+Vec<Dim> relative_velocity(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
+  const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  const Vec<Dim> of_body = body.velocity + cross<Dim>(body.angular_velocity, contact.arm);
+  if (contact.node < 0)
+    return -of_body;
+  return problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>() - of_body;
+}
+
+/// Adds `impulse` (Dim, N s) to the node and takes it from the body.
+template <int Dim>
+void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
+                   const Vec<Dim>& impulse) {
+  FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  body.velocity -= body.inverse_mass * impulse;
+  body.angular_velocity -= body.inverse_inertia * torque<Dim>(contact.arm, impulse);
+  if (contact.node < 0)
+    return;
+  const std::size_t j = static_cast<std::size_t>(contact.node);
+  problem.velocity[j].template head<Dim>() +=
+      problem.inverse_mass[j].template head<Dim>().cwiseProduct(impulse);
+}
+
+/// A bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg: the trace of the last
+/// term, and the largest of the others.
+template <int Dim>
+double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
+  const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  const auto arm = cross_matrix<Dim>(contact.arm);
+  const double of_body = body.inverse_mass + (arm.transpose() * body.inverse_inertia * arm).trace();
+  if (contact.node < 0)
+    return of_body;
+  return of_body + problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
+}
+
+/// One visit of each contact in their order: a projected step r ← P(r − w/L), exact where W = L I,
+/// put into the velocities at once. Returns Σ L |Δr|².
+template <int Dim>
+double update_body_contacts(DualProblem<Dim>& problem) {
+  double change2 = 0;
+  for (BodyContact<Dim>& contact : problem.body_contacts) {
+    const Vec<Dim> impulse =
+        contact_impulse<Dim>(contact, relative_velocity(problem, contact), contact.inverse_mass);
+    const Vec<Dim> change = impulse - contact.impulse;
+    apply_impulse(problem, contact, change);
+    contact.impulse = impulse;
+    change2 += contact.inverse_mass * change.squaredNorm();
+  }
+  return change2;
+}
+
+} // namespace talus

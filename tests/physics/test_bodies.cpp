@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: MIT
+// Obstacles of any shape and free bodies: forces, friction, momentum, and that nothing leaks.
+
+#include "scenes.hpp"
+
+#include "talus/boundary/body.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
+#include "talus/diagnostics/checksum.hpp"
+
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+using namespace talus;
+
+namespace {
+
+template <int Dim>
+void add_obstacle(typename scenes::Sim<Dim>::Params& params, Shape<Dim> shape, double friction,
+                  RigidMotion<Dim> motion = {}) {
+  params.obstacles.push_back(
+      std::make_shared<ShapeObstacle<Dim>>(typename ShapeObstacle<Dim>::Params{
+          .shape = std::move(shape), .friction = friction, .motion = std::move(motion)}));
+}
+
+/// A ball falls on a bed of sand: everything that a free body can meet.
+template <int Dim>
+scenes::Sim<Dim> impact(int threads = 1) {
+  auto params = scenes::box<Dim>({0.2, 0.2, 0.24}, {10, 10, 12}, 0, 0.44);
+  params.threads = threads;
+  Vec<Dim> centre = Vec<Dim>::Constant(0.1);
+  centre[up_axis<Dim>] = 0.14;
+  auto ball = ball_body<Dim>(centre, 0.03, 3000, 0.3);
+  ball.start.velocity[up_axis<Dim>] = -1;
+  ball.start.angular_velocity[0] = 5;
+  params.bodies.push_back(ball);
+  return scenes::Sim<Dim>(params, scenes::block<Dim>(params.grid, 0, 0.2, 0, 0.1, 0.3));
+}
+
+/// Particles of a lattice over the whole box for which `where` holds.
+template <int Dim, class Predicate>
+Particles<Dim> sand_where(const GridParams<Dim>& grid, const Predicate& where) {
+  Particles<Dim> all, chosen;
+  fill_box<Dim>(all, Grid<Dim>(grid), grid.origin, Vec<Dim>(grid.origin + grid.size),
+                {.per_axis = Dim == 2 ? 3 : 2});
+  for (std::size_t p = 0; p < all.size(); ++p)
+    if (where(all.position[p]))
+      chosen.add(all.position[p], Vec<Dim>::Zero(), all.volume[p]);
+  return chosen;
+}
+
+template <int Dim>
+double weight(const scenes::Sim<Dim>& sim) {
+  double volume = 0;
+  for (const double v : sim.particles().volume)
+    volume += v;
+  return volume * sim.params().material.density * sim.params().gravity.norm();
+}
+
+Vec<2> turned(double angle_deg, const Vec<2>& v) {
+  return rotation_by<2>(Spin<2>(angle_deg * std::numbers::pi / 180)) * v;
+}
+
+/// A slab of sand with a high friction of its own on a wall of friction mu: it slides as a whole.
+/// Returns friction force over normal force of the wall, over the whole run.
+template <int Dim>
+double sliding_friction(double mu, bool on_face) {
+  auto params = scenes::box<Dim>({0.8, 0.04, 0.1}, {40, 2, 10}, 30, 1.2);
+  constexpr int up = up_axis<Dim>;
+  const double floor = on_face ? 0 : 0.033; // between nodes
+  if (on_face)
+    params.faces.lower[up] = {FaceKind::frictional, mu};
+  else
+    add_obstacle<Dim>(
+        params, shapes::HalfSpace<Dim>(floor * Vec<Dim>::Unit(up), Vec<Dim>(Vec<Dim>::Unit(up))),
+        mu);
+  scenes::Sim<Dim> sim(params, scenes::block<Dim>(params.grid, 0.1, 0.3, floor, floor + 0.04));
+  Vec<Dim> force = Vec<Dim>::Zero();
+  while (sim.time() < 0.1) {
+    CHECK(sim.step().solve.status == SolveStatus::converged);
+    force += on_face ? sim.face_wrench(up, false).force : sim.obstacle_wrench(0).force;
+  }
+  return force[0] / -force[up];
+}
+
+} // namespace
+
+TEST_CASE("a sliding slab: friction force over normal force is the wall's coefficient") {
+  CHECK(sliding_friction<2>(0.3, true) == doctest::Approx(0.3).epsilon(0.01));
+  CHECK(sliding_friction<3>(0.3, true) == doctest::Approx(0.3).epsilon(0.01));
+  CHECK(sliding_friction<2>(0.3, false) == doctest::Approx(0.3).epsilon(0.01));
+  CHECK(sliding_friction<3>(0.3, false) == doctest::Approx(0.3).epsilon(0.01));
+}
+
+TEST_CASE("faces and obstacles feel the weight at rest, and hydrostatic pressure from the side") {
+  // sticking floor, slipping sides: their forces are the momentum that they keep the nodes from
+  auto params = scenes::box<2>({0.2, 0, 0.3}, {10, 1, 15}, 0, 0);
+  scenes::Sim<2> liquid(params, scenes::block<2>(params.grid, 0, 0.2, 0, 0.2));
+  while (liquid.time() < 0.1)
+    CHECK(liquid.step().solve.status == SolveStatus::converged);
+  const double pressure = 1500 * 9.81 * 0.2; // at the bottom, Pa
+  CHECK(liquid.face_wrench(1, false).force[1] == doctest::Approx(-pressure * 0.2).epsilon(1e-3));
+  CHECK(liquid.face_wrench(0, true).force[0] == doctest::Approx(pressure * 0.2 / 2).epsilon(0.03));
+  CHECK(liquid.face_wrench(0, false).force[0] ==
+        doctest::Approx(-pressure * 0.2 / 2).epsilon(0.03));
+  // the pressure's centre is at a third of the height
+  const auto& side = liquid.face_wrench(0, true);
+  CHECK(side.torque_about({0.2, 0.2 / 3})[0] ==
+        doctest::Approx(0).epsilon(0.03 * 0.2 * pressure * 0.2));
+  CHECK(side.torque[0] == doctest::Approx(-side.force[0] * 0.2 / 3).epsilon(0.1));
+}
+
+TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
+  for (const double thickness : {0.0, 0.01, 0.1})
+    for (const double shift : {0.0, 0.007, 0.013}) {
+      auto params = scenes::box<2>({0.3, 0, 0.3}, {15, 1, 15}, 0, 0.6);
+      params.faces.lower[1].kind = FaceKind::free;
+      const Vec<2> normal = turned(20, {0, 1}), on_top(0.15, 0.11 + shift);
+      const shapes::HalfSpace<2> top(on_top, normal);
+      add_obstacle<2>(params,
+                      shapes::Intersection(
+                          top, shapes::HalfSpace<2>(on_top - thickness * normal, Vec<2>(-normal))),
+                      0.5);
+      // what is thinner than two cells counts as two cells thick
+      const double cell = 0.02 * normal.cwiseAbs().sum();
+      const double surface = std::max(0.0, cell - thickness / 2);
+      scenes::Sim<2> sim(params, sand_where<2>(params.grid, [&](const Vec<2>& x) {
+                           return top.distance(x) > surface && top.distance(x) < surface + 0.06;
+                         }));
+      const auto start = scenes::centre_of_mass(sim);
+      while (sim.time() < 0.3) {
+        const StepReport report = sim.step();
+        CHECK(report.completed());
+        CHECK(report.outflow == 0);
+      }
+      double lowest = 1;
+      for (const auto& x : sim.particles().position)
+        lowest = std::min(lowest, top.distance(x));
+      INFO("thickness ", thickness, ", shift ", shift);
+      CHECK(lowest > surface - 0.25 * cell);
+      CHECK((scenes::centre_of_mass(sim) - start).norm() < 0.1 * cell);
+      CHECK(sim.obstacle_wrench(0).force[1] == doctest::Approx(-weight(sim)).epsilon(0.02));
+      CHECK(sim.volume_fraction({7, 8}) > 0.8);
+    }
+}
+
+TEST_CASE("a heavy ball falls freely and keeps turning") {
+  auto params = scenes::box<3>({0.4, 0.4, 1}, {10, 10, 25}, 0, 0.44);
+  auto ball = ball_body<3>(Vec<3>(0.2, 0.2, 0.8), 0.09, 8000, 0.3);
+  ball.start.velocity = Vec<3>(0.1, 0, 0.3);
+  ball.start.angular_velocity = Vec<3>(1, 2, 3);
+  params.bodies.push_back(ball);
+  scenes::Sim<3> sim(params, scenes::block<3>(params.grid, 0, 0.08, 0, 0.04));
+  constexpr int steps = 200;
+  for (int n = 0; n < steps; ++n)
+    CHECK(sim.step().completed());
+  const double t = steps * params.time_step;
+  const RigidState<3>& now = sim.bodies()[0];
+  CHECK((now.velocity - ball.start.velocity - t * params.gravity).norm() < 1e-12);
+  CHECK((now.position - ball.start.position - t * ball.start.velocity -
+         t * (t + params.time_step) / 2 * params.gravity)
+            .norm() < 1e-12);
+  CHECK((now.angular_velocity - ball.start.angular_velocity).norm() < 1e-12);
+  CHECK((now.rotation - rotation_by<3>(Spin<3>(t * ball.start.angular_velocity))).norm() < 1e-12);
+  CHECK(sim.body_wrench(0).force.norm() == 0);
+}
+
+TEST_CASE("a free top keeps its angular momentum, about all axes of inertia") {
+  auto params = scenes::box<3>({1, 1, 1}, {10, 10, 10}, 0, 0.44);
+  params.gravity.setZero();
+  auto block = block_body<3>(Vec<3>(0.5, 0.5, 0.6), Vec<3>(0.3, 0.45, 0.6), 1000, 0.3);
+  block.start.angular_velocity = Vec<3>(1, 20, 1); // about the middle axis: unstable, it tumbles
+  params.bodies.push_back(block);
+  scenes::Sim<3> sim(params, scenes::block<3>(params.grid, 0, 0.1, 0, 0.1));
+  const auto momentum = [&] {
+    const RigidState<3>& s = sim.bodies()[0];
+    return Vec<3>(s.rotation * block.inertia * s.rotation.transpose() * s.angular_velocity);
+  };
+  const Vec<3> before = momentum();
+  double least = 1;
+  for (int n = 0; n < 1000; ++n) {
+    CHECK(sim.step().completed());
+    least = std::min(least, sim.bodies()[0].rotation(1, 1));
+  }
+  CHECK(least < 0); // it has turned over
+  CHECK((momentum() - before).norm() < 1e-11 * before.norm());
+  CHECK((sim.bodies()[0].rotation * sim.bodies()[0].rotation.transpose() - Mat<3>::Identity())
+            .norm() < 1e-13);
+}
+
+namespace {
+
+/// A ball hits a blob of sand in empty space: linear and angular momentum of both together.
+template <int Dim>
+void momentum_is_kept() {
+  auto params = scenes::box<Dim>({1, 0.6, 0.6}, {25, 15, 15}, 0, 0.44);
+  params.gravity.setZero();
+  Vec<Dim> centre = Vec<Dim>::Constant(0.3), lower = Vec<Dim>::Constant(0.2),
+           upper = Vec<Dim>::Constant(0.4);
+  auto ball = ball_body<Dim>(centre, 0.09, 3000, 0.4);
+  ball.start.velocity[0] = 2;
+  ball.start.velocity[1] = 0.3;
+  ball.start.angular_velocity[0] = 4;
+  params.bodies.push_back(ball);
+  lower[0] = 0.42;
+  upper[0] = 0.6;
+  Particles<Dim> blob;
+  fill_box(blob, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2});
+  scenes::Sim<Dim> sim(params, blob);
+  const auto momentum = [&] {
+    Vec<Dim> sum = ball.mass * sim.bodies()[0].velocity;
+    for (std::size_t p = 0; p < sim.particles().size(); ++p)
+      sum += 1500 * sim.particles().volume[p] * sim.particles().velocity[p];
+    return sum;
+  };
+  const Vec<Dim> before = momentum();
+  double most = 0;
+  for (int n = 0; n < 60; ++n) {
+    CHECK(sim.step().solve.status == SolveStatus::converged);
+    CHECK((momentum() - before).norm() < 1e-12 * before.norm());
+    most = std::max(most, sim.body_wrench(0).force.norm());
+  }
+  CHECK(most > 0);
+  CHECK(sim.bodies()[0].velocity[0] < 1.9);
+}
+
+template <int Dim>
+std::string checksum_of_impact(int threads) {
+  auto sim = impact<Dim>(threads);
+  for (int n = 0; n < 40; ++n)
+    CHECK(sim.step().completed());
+  CHECK(sim.problem().body_contacts.size() > 2);
+  const RigidState<Dim>& ball = sim.bodies()[0];
+  std::string text = state_checksum(sim.particles());
+  for (int a = 0; a < Dim; ++a)
+    text += " " + std::to_string(std::bit_cast<std::uint64_t>(ball.velocity[a])) + " " +
+            std::to_string(std::bit_cast<std::uint64_t>(ball.position[a]));
+  return text;
+}
+
+} // namespace
+
+TEST_CASE("a body and what it hits keep their momentum") {
+  momentum_is_kept<2>();
+  momentum_is_kept<3>();
+}
+
+TEST_CASE("free bodies: the same bits for any number of threads") {
+  CHECK(checksum_of_impact<2>(1) == checksum_of_impact<2>(3));
+  CHECK(checksum_of_impact<3>(1) == checksum_of_impact<3>(3));
+}
+
+TEST_CASE("a free block slides on a face as on Coulomb's plane") {
+  auto params = scenes::box<2>({2, 0, 0.4}, {50, 1, 10}, 0, 0.44);
+  params.faces.lower[1] = {FaceKind::frictional, 0.3};
+  auto block = block_body<2>(Vec<2>(0.3, 0.05), Vec<2>(0.3, 0.1), 2000, 0.5);
+  block.start.velocity[0] = 1.5;
+  params.bodies.push_back(block);
+  params.solver.tolerance = 1e-10;
+  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 1.9, 2, 0, 0.04));
+  while (sim.time() < 0.7) {
+    CHECK(sim.step().completed());
+    if (sim.time() < 0.4) {
+      const auto& body = sim.body_wrench(0);
+      CHECK(body.force[0] / body.force[1] == doctest::Approx(-0.3).epsilon(1e-6));
+      CHECK(body.force[1] == doctest::Approx(block.mass * 9.81).epsilon(1e-6));
+    }
+  }
+  CHECK(sim.bodies()[0].velocity.norm() < 1e-6);
+  CHECK(sim.bodies()[0].position[0] - 0.3 ==
+        doctest::Approx(1.5 * 1.5 / (2 * 0.3 * 9.81)).epsilon(5e-3)); // a step's length
+  CHECK(sim.bodies()[0].position[1] == doctest::Approx(0.05).epsilon(1e-6));
+}
+
+namespace {
+
+/// A closed drum, half full, turns once; nothing may get out.
+template <int Dim>
+void drum_is_tight() {
+  auto params = scenes::box<Dim>({0.3, 0.08, 0.3}, {20, 4, 20}, 0, 0.5);
+  params.faces = {};
+  const Vec<2> centre(0.15, 0.15);
+  RigidState<Dim> start;
+  start.position[0] = start.position[up_axis<Dim>] = 0.15;
+  start.angular_velocity[Dim == 2 ? 0 : 1] =
+      (Dim == 2 ? 2 : -2) * std::numbers::pi; // the same sense
+  const double radius = 0.12;
+  if constexpr (Dim == 2)
+    add_obstacle<2>(params, shapes::Complement(shapes::Ball<2>(Vec<2>::Zero(), radius)), 0.6,
+                    steady_motion<2>(start));
+  else
+    add_obstacle<3>(params, shapes::Complement(shapes::Cylinder({0, -1, 0}, {0, 1, 0}, radius)),
+                    0.6, steady_motion<3>(start));
+  const auto from_axis = [&](const Vec<Dim>& x) {
+    return std::hypot(x[0] - 0.15, x[up_axis<Dim>] - 0.15);
+  };
+  scenes::Sim<Dim> sim(params, sand_where<Dim>(params.grid, [&](const Vec<Dim>& x) {
+                         return from_axis(x) < radius && x[up_axis<Dim>] < 0.15;
+                       }));
+  while (sim.time() < (Dim == 2 ? 0.5 : 0.15)) {
+    CHECK(sim.step().completed());
+    for (const auto& x : sim.particles().position)
+      CHECK(from_axis(x) < radius + 0.5 * 0.015);
+  }
+  CHECK(scenes::centre_of_mass(sim)[0] > 0.16); // carried up on the right
+}
+
+} // namespace
+
+TEST_CASE("a rotating closed drum keeps its sand") {
+  drum_is_tight<2>();
+  drum_is_tight<3>();
+}
