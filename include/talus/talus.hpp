@@ -4,9 +4,14 @@
 /// \file
 /// Everything, for users. The library's own headers never include it.
 
+#include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/gate.hpp"
+#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
+#include "talus/boundary/signed_distance.hpp"
 #include "talus/cone/contact.hpp"
 #include "talus/cone/fischer_burmeister_newton.hpp"
 #include "talus/cone/hybrid.hpp"
@@ -20,6 +25,7 @@
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Checkpoints: a run goes on with the same bits, and nothing that is not one is taken for one.
 
+#include "talus/boundary/body.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/io/checkpoint.hpp"
 #include "talus/rheology/laws.hpp"
