@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+namespace talus::shapes {
+
+/// The solid that a closed triangle mesh encloses, sampled: signed distances at the nodes of a
+/// lattice around it, trilinear in between. A model of SignedDistance<3>, up to an error of about
+/// spacing²/(8 r) on surfaces of radius r, and of some tenths of the spacing at edges.
+///
+/// Whether a node is inside tells the winding number, Σ Ω/(4π) over the triangles, Ω their solid
+/// angles (van Oosterom & Strackee 1983): 0 outside and ±1 inside. The orientation does not matter.
+/// Cost: nodes times triangles near the surface, once; a copy is cheap.
+class SampledMesh {
+ public:
+  /// triangles: corners of each, m; spacing: of the lattice, m, the grid's cell or less.
+  /// Throws std::invalid_argument if the mesh is empty, not closed, or too large for the spacing.
+  SampledMesh(const std::vector<std::array<Vec<3>, 3>>& triangles, double spacing)
+      : spacing_(spacing) {
+    require_positive("mesh: spacing", spacing);
+    if (triangles.empty())
+      throw_invalid("mesh: the number of triangles", 0, "at least 1");
+    std::vector<Facet> facets;
+    lower_ = upper_ = triangles[0][0];
+    for (const auto& corners : triangles) {
+      Facet facet{corners, (corners[0] + corners[1] + corners[2]) / 3, 0};
+      for (const Vec<3>& corner : corners) {
+        for (int a = 0; a < 3; ++a)
+          require_finite("mesh: a corner's coordinate", corner[a]);
+        lower_ = lower_.cwiseMin(corner);
+        upper_ = upper_.cwiseMax(corner);
+        facet.radius = std::max(facet.radius, (corner - facet.centre).norm());
+      }
+      facets.push_back(facet);
+    }
+    double nodes = 1;
+    for (int a = 0; a < 3; ++a) {
+      const double cells = std::ceil((upper_[a] - lower_[a]) / spacing) + 2 * margin;
+      nodes *= cells + 1;
+      if (!(nodes < 1e8))
+        throw_invalid("mesh: the number of lattice nodes", nodes, "below 1e8: a larger spacing");
+      count_[a] = static_cast<int>(cells) + 1;
+    }
+    sample(facets);
+  }
+
+  double distance(const Vec<3>& x) const {
+    Vec<3> place = (x - lower_) / spacing_; // from the mesh's corner, in cells
+    place.array() += margin;
+    Index<3> cell;
+    for (int a = 0; a < 3; ++a) {
+      if (!(place[a] >= 0 && place[a] <= count_[a] - 1)) // far away: the distance to its box
+        return (x - x.cwiseMax(lower_).cwiseMin(upper_)).norm();
+      cell[a] = std::min(static_cast<int>(place[a]), count_[a] - 2);
+      place[a] -= cell[a];
+    }
+    double sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+      Index<3> node = cell;
+      double weight = 1;
+      for (int a = 0; a < 3; ++a) {
+        const int bit = corner >> a & 1;
+        node[a] += bit;
+        weight *= bit == 1 ? place[a] : 1 - place[a];
+      }
+      sum += weight * (*values_)[number(node)];
+    }
+    return sum;
+  }
+
+ private:
+  static constexpr int margin = 3; ///< cells of the lattice around the mesh
+
+  struct Facet {
+    std::array<Vec<3>, 3> corners;
+    Vec<3> centre;
+    double radius; ///< of a ball about the centre that holds it, m
+  };
+
+  std::size_t number(const Index<3>& node) const {
+    return (static_cast<std::size_t>(node[0]) * static_cast<std::size_t>(count_[1]) +
+            static_cast<std::size_t>(node[1])) *
+               static_cast<std::size_t>(count_[2]) +
+           static_cast<std::size_t>(node[2]);
+  }
+
+  void sample(const std::vector<Facet>& facets) {
+    std::vector<double> values(static_cast<std::size_t>(count_[0]) *
+                               static_cast<std::size_t>(count_[1]) *
+                               static_cast<std::size_t>(count_[2]));
+    Index<3> node;
+    for (node[0] = 0; node[0] < count_[0]; ++node[0])
+      for (node[1] = 0; node[1] < count_[1]; ++node[1]) {
+        double before = std::numeric_limits<double>::infinity(); // rows begin outside
+        for (node[2] = 0; node[2] < count_[2]; ++node[2]) {
+          Vec<3> x = lower_;
+          for (int a = 0; a < 3; ++a)
+            x[a] += spacing_ * (node[a] - margin);
+          double least = std::numeric_limits<double>::infinity();
+          for (const Facet& facet : facets)
+            if ((x - facet.centre).norm() - facet.radius < least)
+              least = std::min(least, distance_to(facet.corners, x));
+          // between nodes that are a step apart lies no surface that is further away than that
+          const bool inside = std::abs(before) > spacing_
+                                  ? before < 0
+                                  : is_inside(facets, x, least > 1e-6 * spacing_);
+          before = values[number(node)] = inside ? -least : least;
+        }
+      }
+    values_ = std::make_shared<const std::vector<double>>(std::move(values));
+  }
+
+  static double distance_to(const std::array<Vec<3>, 3>& corners, const Vec<3>& x) {
+    const Vec<3> ab = corners[1] - corners[0], ac = corners[2] - corners[0];
+    const Vec<3> normal = cross_product(ab, ac);
+    bool above = normal.squaredNorm() > 0; // x is above the inside of the triangle
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Vec<3> edge = corners[(k + 1) % 3] - corners[k], to_x = x - corners[k];
+      above = above && cross_product(edge, to_x).dot(normal) >= 0;
+      const double length2 = edge.squaredNorm();
+      const double along = length2 > 0 ? std::clamp(to_x.dot(edge) / length2, 0.0, 1.0) : 0;
+      least = std::min(least, (to_x - along * edge).norm());
+    }
+    return above ? std::abs((x - corners[0]).dot(normal)) / normal.norm() : least;
+  }
+
+  /// check: x is not on the surface, where the winding number may have any value.
+  static bool is_inside(const std::vector<Facet>& facets, const Vec<3>& x, bool check) {
+    double turns = 0;
+    for (const Facet& facet : facets) {
+      const Vec<3> a = facet.corners[0] - x, b = facet.corners[1] - x, c = facet.corners[2] - x;
+      const double la = a.norm(), lb = b.norm(), lc = c.norm();
+      const double volume = a.dot(cross_product(b, c));
+      const double rest = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+      turns += std::atan2(volume, rest) / (2 * std::numbers::pi);
+    }
+    const double off = std::min(std::abs(turns), std::abs(std::abs(turns) - 1));
+    if (check && !(off < 0.05))
+      throw_invalid("mesh: its winding number", turns, "0 or 1 everywhere: a closed surface");
+    return std::abs(turns) > 0.5;
+  }
+
+  static Vec<3> cross_product(const Vec<3>& a, const Vec<3>& b) {
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+  }
+
+  double spacing_;
+  Vec<3> lower_, upper_; ///< of the mesh, m
+  Index<3> count_;       ///< nodes of the lattice
+  std::shared_ptr<const std::vector<double>> values_;
+};
+
+} // namespace talus::shapes
