@@ -9,8 +9,8 @@
 /// \file
 /// Fast rebuilds, for those who want them: files that include this one do not compile the step of
 /// the usual simulations again; exactly one file of the program includes
-/// talus/precompiled_definitions.hpp, which does. For a combination of one's own, the same two lines
-/// in one's own files do the same. Nothing else of the library includes this.
+/// talus/precompiled_definitions.hpp, which does. For a combination of one's own, the same two
+/// lines in one's own files do the same. Nothing else of the library includes this.
 
 namespace talus {
 

@@ -919,8 +919,8 @@ class Simulation {
   typename SolverT::template Workspace<Dim> workspace_;
 };
 
-// Not in the class, which would make it inline: extern templates (talus/precompiled.hpp) save nothing
-// of what is inline.
+// Not in the class, which would make it inline: extern templates (talus/precompiled.hpp) save
+// nothing of what is inline.
 template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT>
 StepReport Simulation<Dim, RheologyT, TransferT, SolverT>::step() {
   return step([](const DualProblem<Dim>&) {});
