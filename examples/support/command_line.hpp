@@ -9,9 +9,11 @@
 #include "talus/core/parallel.hpp"
 
 #include <algorithm>
+#include <cctype>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <filesystem>
 #include <initializer_list>
@@ -79,6 +81,32 @@ inline bool interrupted() {
   return detail::interrupt_flag != 0;
 }
 
+namespace detail {
+inline std::vector<std::string> arguments; ///< of the program, its name first
+}
+
+/// A word as a shell reads it back.
+inline std::string shell_quoted(const std::string& word) {
+  const auto plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || std::strchr("-_./=+:,", c) != nullptr;
+  };
+  if (!word.empty() && std::all_of(word.begin(), word.end(), plain))
+    return word;
+  std::string quoted = "'";
+  for (const char c : word)
+    quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return quoted + "'";
+}
+
+/// The command line of this program that goes on with its run.
+inline std::string command_to_resume() {
+  std::string command;
+  for (const std::string& argument : detail::arguments)
+    if (argument != "--resume" && argument != "--overwrite")
+      command += shell_quoted(argument) + ' ';
+  return command + "--resume";
+}
+
 /// Parses the command line and runs `body`. Exit status: body's; 2 for wrong input, with a message
 /// that names it; 1 for anything else.
 template <class Body>
@@ -89,6 +117,7 @@ int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
     const int status = app.exit(error);
     return status == 0 ? 0 : 2;
   }
+  detail::arguments.assign(argv, argv + argc);
   std::signal(SIGINT, detail::on_interrupt);
   std::signal(SIGTERM, detail::on_interrupt);
   const std::string name = fs::path(argv[0]).filename().string();

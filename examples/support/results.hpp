@@ -146,14 +146,8 @@ inline void write_json(const fs::path& path, const nlohmann::json& json) {
 inline void draw(const CommonOptions& options, const std::string& script, const fs::path& out) {
   if (options.no_plot)
     return;
-  const auto quoted = [](const std::string& text) {
-    std::string result = "'";
-    for (const char c : text)
-      result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-    return result + "'";
-  };
   const std::string arguments =
-      " " + quoted((examples_folder() / script).string()) + " " + quoted(out.string());
+      " " + shell_quoted((examples_folder() / script).string()) + " " + shell_quoted(out.string());
   for (const char* python : {"python3", "/usr/bin/python3"}) {
     const std::string check =
         std::string(python) + " -c 'import matplotlib, numpy' >/dev/null 2>&1";

@@ -7,6 +7,7 @@
 
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
+#include "talus/diagnostics/particle_fields.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/io/csv.hpp"
 #include "talus/io/progress.hpp"
@@ -225,7 +226,7 @@ class Run {
       statistics_.print(sim_.steps(), seconds());
     draw(options_.common, plot_script, out_);
     if (status == "interrupted") {
-      std::fprintf(stderr, "to go on: the same command with --resume\n");
+      std::fprintf(stderr, "to go on: %s\n", command_to_resume().c_str());
       return 130;
     }
     checkpoints_.finish();
@@ -314,9 +315,17 @@ class Run {
     using Node = talus::Index<dimension>;
     const fs::path particles = frame_file("particles", frame);
     const fs::path grid = frame_file("grid", frame);
-    talus::write_vtk_particles<dimension>(particles, sim_.particles().position,
-                                          {talus::vtk_field("velocity", sim_.particles().velocity),
-                                           talus::vtk_field("volume", sim_.particles().volume)});
+    // The fields of the grid are those of the last step, the positions those after it.
+    const auto at_particles = [&](const char* field_name, const auto& value) {
+      return talus::vtk_field(field_name, talus::at_particles(sim_, value));
+    };
+    talus::write_vtk_particles<dimension>(
+        particles, sim_.particles().position,
+        {talus::vtk_field("velocity", sim_.particles().velocity),
+         talus::vtk_field("volume", sim_.particles().volume),
+         at_particles("stress", [&](const Node& n) { return sim_.stress(n); }),
+         at_particles("pressure", [&](const Node& n) { return sim_.pressure(n); }),
+         at_particles("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })});
     particle_series_->add(time(), particles);
     Node nodes;
     for (int a = 0; a < dimension; ++a)

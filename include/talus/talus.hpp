@@ -30,6 +30,7 @@
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/particle_fields.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"

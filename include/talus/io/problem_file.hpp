@@ -150,7 +150,7 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   }
   if (!(problem.velocity_scale >= 0 && std::isfinite(problem.velocity_scale)))
     in.fail("its velocity_scale is not a finite number >= 0");
-  in.need(points, sizeof(std::int32_t) + 2 * Dim * sizeof(double));
+  in.need(points, sizeof(std::int32_t) + 2 * sizeof(Vec<Dim>));
   in.need(cones, sizeof(std::int32_t) + sizeof(Coupling<Dim>));
   in.need(contacts, 2 * sizeof(std::int32_t));
 

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: MIT
+// What the example programs read: case files, tables to go on with, the summary of an earlier run.
+// Any bytes give an error in words or a result. The first byte says which reader.
+
+#include "input_file.hpp"
+
+#include "support/command_line.hpp"
+#include "support/policies.hpp"
+#include "support/resume.hpp"
+
+#include "talus/io/csv.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace {
+
+/// Calls `read` and takes only errors that are meant for the user.
+template <class Read>
+void in_words(const Read& read) {
+  try {
+    read();
+  } catch (const std::invalid_argument& error) {
+    if (std::string_view(error.what()).empty())
+      std::abort();
+  }
+}
+
+void read_case(std::string_view bytes) {
+  const fuzz::fs::path path = fuzz::write("case.toml", bytes);
+  in_words([&] {
+    const support::Toml file = support::load_case_file(path.string());
+    for (const char* key : {"material", "inclination_deg", "paper", "published"}) {
+      in_words([&] { static_cast<void>(file.text(key)); });
+      in_words([&] { static_cast<void>(file.number(key)); });
+      in_words([&] { static_cast<void>(file.table(key).to_json()); });
+      in_words([&] { file.table(key).only({"length", "width"}); });
+    }
+    in_words([&] {
+      const support::GrainMaterial material = support::grain_material("beads", file.table("beads"));
+      for (const char* law : {"constant", "stop", "mu-i", "hysteretic"})
+        in_words([&] {
+          support::AnyRheology rheology(
+              support::rheology_params({.rheology = law}, material, std::nullopt, true));
+          for (const double inertial : {0.0, 1e-3, 1.0, 1e300})
+            static_cast<void>(rheology.friction(inertial));
+        });
+    });
+  });
+}
+
+void resume_table(std::string_view bytes) {
+  const fuzz::fs::path path = fuzz::write("table.csv", bytes);
+  const std::size_t keep = bytes.empty() ? 0 : static_cast<unsigned char>(bytes[0]);
+  talus::CsvWriter table;
+  try {
+    table.resume(path, {"a", "b"}, keep);
+  } catch (const std::runtime_error&) {
+    if (keep <= bytes.size())
+      std::abort();
+    return;
+  }
+  table.row(1.5, 2);
+  table.close();
+  std::ifstream file(path, std::ios::binary);
+  const std::string content(std::istreambuf_iterator<char>(file), {});
+  if (content != std::string(bytes.substr(0, keep)) + "1.5,2\n")
+    std::abort();
+}
+
+void read_summary(std::string_view bytes) {
+  fuzz::write("summary.json", bytes);
+  const support::Checkpoints checkpoints(fuzz::folder(), {.resume = true}, {{"case", "B15"}});
+  static_cast<void>(checkpoints.finished());
+}
+
+} // namespace
+
+extern "C" int LLVMFuzzerInitialize(int*, char***) {
+  if (const char* seeds = std::getenv("TALUS_FUZZ_SEEDS")) {
+    const auto save = [&](const std::string& name, const std::string& bytes) {
+      std::ofstream(fuzz::fs::path(seeds) / name, std::ios::binary) << bytes;
+    };
+    for (const char* name : {"B15.toml", "materials.toml"}) {
+      std::ifstream file(support::examples_folder() / "cases" / name, std::ios::binary);
+      save(name, 't' + std::string(std::istreambuf_iterator<char>(file), {}));
+    }
+    save("table", "c\x04"
+                  "a,b\n1,2\n");
+    save("summary", R"(s{"inputs": {"case": "B15"}, "status": "completed"})");
+    std::exit(0);
+  }
+  return 0;
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size < 1)
+    return 0;
+  const std::string_view bytes(reinterpret_cast<const char*>(data) + 1, size - 1);
+  if (data[0] == 'c')
+    resume_table(bytes);
+  else if (data[0] == 's')
+    read_summary(bytes);
+  else
+    read_case(bytes);
+  return 0;
+}
