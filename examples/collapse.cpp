@@ -20,7 +20,6 @@
 #include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
 
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,18 @@
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
+
+// toml++ asserts that some malformed files do not occur ("[=" is one), or assumes it in an
+// optimised build. Its assertions become exceptions, in every build.
+namespace support {
+struct TomlAssertion {};
+} // namespace support
+#pragma push_macro("NDEBUG")
+#undef NDEBUG
+#define TOML_ASSERT(expression)                                                                    \
+  ((expression) ? static_cast<void>(0) : throw support::TomlAssertion())
 #include <toml++/toml.h>
+#pragma pop_macro("NDEBUG")
 
 #include "talus/core/error.hpp"
 #include "talus/core/parallel.hpp"
@@ -16,7 +27,9 @@
 #include <cstring>
 #include <exception>
 #include <filesystem>
+#include <fstream>
 #include <initializer_list>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -202,6 +215,31 @@ inline std::string case_names() {
   return all;
 }
 
+/// The text of a case file, fit for toml++ 3.3, which is undefined for some characters that are not
+/// ASCII: they become "?" in comments. Throws std::invalid_argument for others.
+inline std::string case_text(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::string text(std::istreambuf_iterator<char>(file), {});
+  if (!file)
+    throw std::invalid_argument(path.string() + ": it cannot be read");
+  int line = 1;
+  bool comment = false;
+  for (char& c : text) {
+    if (c == '\n') {
+      ++line;
+      comment = false;
+    } else if (c == '#') {
+      comment = true;
+    } else if (static_cast<unsigned char>(c) >= 0x80U) {
+      if (!comment)
+        throw std::invalid_argument(path.string() + ": line " + std::to_string(line) +
+                                    ": only ASCII characters are allowed outside comments");
+      c = '?';
+    }
+  }
+  return text;
+}
+
 /// Reads a case by its name, or a user's own file by its path (*.toml). Throws
 /// std::invalid_argument.
 inline Toml load_case_file(const std::string& name) {
@@ -212,11 +250,13 @@ inline Toml load_case_file(const std::string& name) {
     throw std::invalid_argument("--case is " + name + "; allowed: " + case_names() +
                                 ", or a .toml file like those in examples/cases");
   try {
-    return {path.filename().string(), toml::parse_file(path.string())};
+    return {path.filename().string(), toml::parse(case_text(path), path.string())};
   } catch (const toml::parse_error& error) {
     throw std::invalid_argument(path.string() + ": line " +
                                 std::to_string(error.source().begin.line) + ": " +
                                 std::string(error.description()));
+  } catch (const TomlAssertion&) {
+    throw std::invalid_argument(path.string() + ": it is no TOML file");
   }
 }
 

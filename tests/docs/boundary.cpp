@@ -9,8 +9,8 @@
 #include <optional>
 
 // [shape]
-/// The sea floor in 2-D: everything below y = a cos(k x). A model of SignedDistance: the height over
-/// the wave, divided by the largest slope of it, is at most the distance.
+/// The sea floor in 2-D: everything below y = a cos(k x). A model of SignedDistance: the height
+/// over the wave, divided by the largest slope of it, is at most the distance.
 struct Ripples {
   double amplitude = 0.01, wave_number = 60; // m, 1/m
 
@@ -30,9 +30,8 @@ class Belt final : public talus::Obstacle<2> {
   Belt(double height, double speed, double friction)
       : height_(height), speed_(speed), friction_(friction) {}
 
-  std::optional<talus::ObstacleContact<2>> contact(const talus::Vec<2>& x,
-                                                   const talus::Vec<2>& spacing,
-                                                   double /*time*/) const override {
+  std::optional<talus::ObstacleContact<2>>
+  contact(const talus::Vec<2>& x, const talus::Vec<2>& spacing, double /*time*/) const override {
     const auto node = look(x, spacing);
     if (!node.contact)
       return std::nullopt;
@@ -64,19 +63,19 @@ int main() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.obstacles = {
-      std::make_shared<Belt>(0.03, 0.2, 0.4),
-      // a plough that swings about a point above the sand
-      std::make_shared<talus::ShapeObstacle<2>>(talus::ShapeObstacle<2>::Params{
-          .shape = talus::shapes::Capsule<2>({0, 0}, {0, -0.15}, 0.02),
-          .friction = 0.3,
-          .motion = [](double t) {
-            talus::RigidState<2> state;
-            state.position = {0.4, 0.25};
-            state.rotation = talus::rotation_by<2>(talus::Spin<2>(0.5 * std::sin(3 * t)));
-            state.angular_velocity[0] = 1.5 * std::cos(3 * t);
-            return state;
-          }})};
+  params.obstacles = {std::make_shared<Belt>(0.03, 0.2, 0.4),
+                      // a plough that swings about a point above the sand
+                      std::make_shared<talus::ShapeObstacle<2>>(talus::ShapeObstacle<2>::Params{
+                          .shape = talus::shapes::Capsule<2>({0, 0}, {0, -0.15}, 0.02),
+                          .friction = 0.3,
+                          .motion = [](double t) {
+                            talus::RigidState<2> state;
+                            state.position = {0.4, 0.25};
+                            state.rotation =
+                                talus::rotation_by<2>(talus::Spin<2>(0.5 * std::sin(3 * t)));
+                            state.angular_velocity[0] = 1.5 * std::cos(3 * t);
+                            return state;
+                          }})};
   // a stone that floats in the sand, or does not
   params.bodies = {talus::ball_body<2>({0.15, 0.16}, 0.03, 2600, 0.4)};
 
