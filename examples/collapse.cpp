@@ -20,7 +20,6 @@
 #include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
 
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -123,13 +122,15 @@ class Measurement {
 void print_beside(const char* what, double measured, const json& published, const std::string& key,
                   const std::string& unit) {
   const auto value = [&](const std::string& source) -> std::string {
-    if (published.is_null())
+    const std::string name = key + "_" + source + unit;
+    std::string half = key + "_" + source + "_pm" + unit; // or one for both
+    if (!published.contains(half))
+      half = key + "_pm" + unit;
+    if (!published.contains(name) || !published.contains(half))
       return "-";
-    const std::string half = key + "_" + source + "_pm" + unit; // or one for both
     char text[32];
-    std::snprintf(text, sizeof text, "%.3f +- %.3f",
-                  published.at(key + "_" + source + unit).get<double>(),
-                  published.at(published.contains(half) ? half : key + "_pm" + unit).get<double>());
+    std::snprintf(text, sizeof text, "%.3f +- %.3f", published.at(name).get<double>(),
+                  published.at(half).get<double>());
     return text;
   };
   std::printf("%-18s %8.3f %21s %17s\n", what, measured, value("sim").c_str(),
@@ -340,7 +341,7 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"coarse", "reference"}))
       ->capture_default_str();
   app.add_option("--dim", options.dimension, "Dimension")
-      ->check(CLI::IsMember({2, 3}))
+      ->check(CLI::Range(2, 3))
       ->capture_default_str();
   support::add_resume_options(app, options.run.resume);
   support::add_policy_options(app, options.policies);
@@ -381,14 +382,17 @@ int main(int argc, char** argv) {
   app.add_option("--time-step", options.time_step, "Time step instead of the resolution's, s");
   app.add_option("--cfl", options.cfl,
                  "Shorten steps so that nothing crosses more of a cell; 0: fixed steps")
-      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   app.add_option("--particles-per-edge", options.per_axis, "Particles along a cell's edge");
   app.add_option("--seeding", options.seeding,
                  "Initial positions: jittered lattice (default) or random")
       ->check(CLI::IsMember({"jittered", "random"}));
   app.add_option("--jitter", options.jitter, "Of the lattice, 0 to 1")->capture_default_str();
-  app.add_option("--seed", options.seed, "Of the random numbers")->capture_default_str();
+  app.add_option("--seed", options.seed, "Of the random numbers")
+      ->check([](const std::string& text) { // a negative one would be taken modulo 2^64
+        return text.starts_with('-') ? "allowed: an integer >= 0" : "";
+      })
+      ->capture_default_str();
   support::add_snapshot_options(app, options.run);
   app.add_option(
       "--record-problem", options.record_problems,

@@ -3,6 +3,7 @@
 
 #include "command_line.hpp"
 
+#include "talus/core/error.hpp"
 #include "talus/io/checkpoint.hpp"
 
 #include <CLI/CLI.hpp>
@@ -35,7 +36,6 @@ inline void add_resume_options(CLI::App& app, ResumeOptions& options) {
   app.add_option(
          "--checkpoint-interval", options.interval,
          "Seconds between checkpoints, from which --resume goes on; 0: only when interrupted")
-      ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
 }
 
@@ -48,6 +48,7 @@ class Checkpoints {
   Checkpoints(const fs::path& out, const ResumeOptions& options, nlohmann::json inputs)
       : file_(out / "checkpoint.talus"), summary_(out / "summary.json"), options_(options),
         inputs_(std::move(inputs)) {
+    talus::require_non_negative("--checkpoint-interval", options.interval);
     if (options.overwrite)
       fs::remove(file_);
     else if (!options.resume && fs::exists(file_))

@@ -97,6 +97,8 @@ class Run {
         out_((options.validate(), options.common.prepare_out())),
         checkpoints_(out_, options.resume, inputs_), next_snapshot_(options.time_zero),
         progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
+    if (sim.params().time_step > options.time_zero + options.end_time)
+      talus::throw_invalid("time_step", sim.params().time_step, "at most the simulated time");
     finished_ = checkpoints_.finished();
     if (finished_) {
       if (!options_.common.quiet)

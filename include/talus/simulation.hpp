@@ -357,6 +357,13 @@ class Simulation {
   void check_particles(const Particles<Dim>& particles) const {
     if (particles.empty())
       throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
+    for (const auto& [name, size] :
+         {std::pair("velocities", particles.velocity.size()),
+          std::pair("affine matrices", particles.affine.size()),
+          std::pair("volumes", particles.volume.size()), std::pair("ids", particles.id.size())})
+      if (size != particles.size())
+        throw_invalid(std::string("the number of the particles' ") + name, size,
+                      std::to_string(particles.size()) + ", that of their positions");
     const Vec<Dim> lower = grid_.origin(), upper = grid_.upper();
     for (std::size_t p = 0; p < particles.size(); ++p) {
       require_positive("a particle's volume", particles.volume[p]);
@@ -365,6 +372,8 @@ class Simulation {
         const double x = particles.position[p][a];
         if (!(x >= lower[a] && x <= upper[a]))
           throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
+        for (int b = 0; b < Dim; ++b)
+          require_finite("a particle's affine matrix", particles.affine[p](a, b));
       }
     }
   }

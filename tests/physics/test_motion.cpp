@@ -392,6 +392,12 @@ TEST_CASE("wrong input is refused by name and value") {
   outside = particles;
   outside.volume[0] = 0;
   CHECK(message(params, outside).starts_with("a particle's volume is 0"));
+  outside = particles;
+  outside.velocity.pop_back();
+  CHECK(message(params, outside).starts_with("the number of the particles' velocities is "));
+  outside = particles;
+  outside.affine[1](0, 1) = std::nan("");
+  CHECK(message(params, outside).starts_with("a particle's affine matrix is nan"));
   CollapseSetup setup = small_collapse();
   setup.column_length = 1;
   CHECK_THROWS_AS(setup.validate(), std::invalid_argument);

@@ -13,6 +13,7 @@
 #include <cmath>
 #include <memory>
 #include <numbers>
+#include <string>
 
 namespace talus {
 
@@ -71,6 +72,9 @@ struct CollapseSetup {
       const int from = a == up_axis<Dim> ? 2 : a;
       require_positive("a cell's edge", cell[from]);
       require_positive(from == 1 ? "width" : "length or height", channel[from]);
+      if (from != 1 && cell[from] > channel[from])
+        throw_invalid("a cell's edge", cell[from],
+                      "at most the channel's, " + std::to_string(channel[from]));
       params.size[a] = channel[from];
       params.cells[a] = std::max(1, static_cast<int>(std::lround(channel[from] / cell[from])));
     }
