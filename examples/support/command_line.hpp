@@ -8,11 +8,14 @@
 // optimised build. Its assertions become exceptions, in every build.
 namespace support {
 struct TomlAssertion {};
+[[noreturn]] inline void toml_assertion_failed() {
+  throw TomlAssertion();
+}
 } // namespace support
 #pragma push_macro("NDEBUG")
 #undef NDEBUG
 #define TOML_ASSERT(expression)                                                                    \
-  ((expression) ? static_cast<void>(0) : throw support::TomlAssertion())
+  ((expression) ? static_cast<void>(0) : support::toml_assertion_failed())
 #include <toml++/toml.h>
 #pragma pop_macro("NDEBUG")
 
