@@ -214,6 +214,17 @@ void add_all(const char* policy, const std::vector<Set<N>>& sets) {
     add<Solver, Law>(policy, set);
 }
 
+template <class Law, int Width>
+void add_batches(const std::vector<Set<2>>& two, const std::vector<Set<3>>& three,
+                 const std::vector<Set<6>>& six) {
+  for (const auto& set : two)
+    add_batch<Law, 2, Width>(set);
+  for (const auto& set : three)
+    add_batch<Law, 3, Width>(set);
+  for (const auto& set : six)
+    add_batch<Law, 6, Width>(set);
+}
+
 template <class Law, int N>
 std::vector<Set<N>> all_sets(const std::string& folder) {
   std::vector<Set<N>> sets{random_problems<Law, N>(LocalStatus::open, 10, Start::cold),
@@ -242,12 +253,10 @@ void add_law(const std::string& folder) {
   add_all<QuarticSolver, Law>("quartic", three);
   add_all<HybridSolver<>, Law>("hybrid", three);
   add_all<ProjectionSolver, Law>("projection", six);
-  for (const auto& set : two)
-    add_batch<Law, 2, 4>(set);
-  for (const auto& set : three)
-    add_batch<Law, 3, 4>(set);
-  for (const auto& set : six)
-    add_batch<Law, 6, 4>(set);
+  add_batches<Law, 4>(two, three, six);
+#ifdef __AVX512F__
+  add_batches<Law, 8>(two, three, six);
+#endif
   add<ContactSolver, Law>("contact", random_problems<Law, 2>(LocalStatus::slide, 1, Start::cold));
   add<ContactSolver, Law>("contact", random_problems<Law, 3>(LocalStatus::slide, 1, Start::cold));
   add_prepare<SecularSolver, Law>("secular", three[2]);

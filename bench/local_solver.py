@@ -60,7 +60,7 @@ def draw(results, path):
     import matplotlib.pyplot as plt
 
     sizes = ["N2", "N3", "N6"]
-    policies = [p for p in ("secular", "secular_batch4", "quartic", "hybrid", "projection")
+    policies = [p for p in ("secular", "secular_batch4", "secular_batch8", "quartic", "hybrid", "projection")
                 if any(p in row for row in results.values())]
     figure, axes = plt.subplots(1, 3, figsize=(13, 5), sharey=True, layout="constrained")
     for axis, size in zip(axes, sizes):

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: MIT
 # Builds the benchmarks and runs one of them; leaves JSON, a table and pictures.
 #
-#     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes
+#     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes;
+#         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 set -eu
@@ -11,7 +12,7 @@ root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
   local | global | step) name=$1; shift ;;
-  -h | --help) sed -n '3,7s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  -h | --help) sed -n '3,8s/^# \{0,1\}//p' "$0"; exit 0 ;;
   *) echo "which benchmark? sh $0 local | global | step" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name

@@ -60,7 +60,8 @@ class SecularSolver {
     Prepared<Law, N, Scalar> p;
     p.friction = friction;
     p.scale = w.trace() / N;
-    p.normal = p.schur = 1;
+    p.normal = p.inverse_normal = p.inverse_schur = 1;
+    p.inverse_slope = 1 / (1 + friction * friction);
     p.eigenvalues.fill(1);
     p.compliance.fill(1);
     if (!(p.scale > 0))
@@ -88,12 +89,14 @@ class SecularSolver {
     }
     if constexpr (std::is_same_v<Law, AssociatedLaw>)
       p.pole = find_pole(p);
-    p.schur = p.normal;
+    schur = p.normal;
     for (std::size_t k = 0; k < m; ++k) {
       p.compliance[k] = 1 / p.eigenvalues[k];
       p.coupling_at_pole[k] = p.coupling[k] / (p.eigenvalues[k] + p.pole);
-      p.schur -= p.coupling[k] * p.coupling[k] * p.compliance[k];
+      schur -= p.coupling[k] * p.coupling[k] * p.compliance[k];
     }
+    p.inverse_normal = 1 / p.normal;
+    p.inverse_schur = 1 / schur;
     return p;
   }
 

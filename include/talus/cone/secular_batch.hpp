@@ -15,7 +15,7 @@ namespace talus {
 
 /// Width numbers that are worked on at once.
 template <int Width, class Scalar = double>
-using Pack = std::experimental::fixed_size_simd<Scalar, Width>;
+using Pack = std::experimental::simd<Scalar, std::experimental::simd_abi::deduce_t<Scalar, Width>>;
 
 template <class Number, class Abi>
 struct Lanes<std::experimental::simd<Number, Abi>> {
@@ -56,7 +56,9 @@ class SecularBatch {
       form_.coupling_at_pole[k][l] = one.coupling_at_pole[k];
     }
     form_.normal[l] = one.normal;
-    form_.schur[l] = one.schur;
+    form_.inverse_normal[l] = one.inverse_normal;
+    form_.inverse_schur[l] = one.inverse_schur;
+    form_.inverse_slope[l] = one.inverse_slope;
     form_.pole[l] = one.pole;
     form_.friction[l] = one.friction;
     form_.scale[l] = one.scale;

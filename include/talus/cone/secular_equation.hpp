@@ -37,8 +37,10 @@ struct SecularForm {
   Tangent compliance{};                                            ///< 1/e
   Tangent coupling_at_pole{};                                      ///< c/(e + α*)
   Real normal{};                                                   ///< W_NN
-  Real schur{};                                                    ///< D(0)
   Real pole{};                                                     ///< α* (associated law)
+  Real inverse_normal{};                                           ///< 1/W_NN
+  Real inverse_schur{};                                            ///< 1/D(0)
+  Real inverse_slope{};                                            ///< 1/(1 + μ²)
   Real friction{};                                                 ///< μ
   Real scale{};                                                    ///< tr W / N; 0: no W at all
 };
@@ -125,12 +127,11 @@ class SecularEquation {
         low = L::select(below, low, form.pole);
         side = L::select(below, side, Real(-1));
       }
-      const Real start = eq.start(lambda, inverse * form.scale);
+      const Real start = eq.start(lambda, inverse * form.scale, a_norm);
       const Real alpha = L::select(inside(start, low, high), start, between(low, high));
       // A second, stricter search for the few where the first stopped too far from the root.
       for (const Scalar closeness : {Scalar(2e-3), Scalar(1e-8)}) {
-        Real root =
-            eq.find_root(alpha, low, high, side, left, Real(closeness), max_iterations, outcome);
+        Real root = eq.find_root(alpha, low, high, side, left, closeness, max_iterations, outcome);
         Tangent edge_tangent;
         Real edge_normal = eq.edge(root, edge_tangent);
         const Real residual = eq.refine_edge(root, edge_normal, edge_tangent, !left);
@@ -145,7 +146,7 @@ class SecularEquation {
     }
 
     const Mask slip = frictionless && !outcome.open;
-    normal = L::select(slip, max(Real(0), -eq.b_n / eq.w_n), normal);
+    normal = L::select(slip, max(Real(0), -eq.b_n * form.inverse_normal), normal);
     outcome.residual = L::select(outcome.open || slip, Real(0), outcome.residual);
     lambda[0] = L::select(outcome.open, Real(0), normal * unit);
     const Mask zero = outcome.open || slip;
@@ -180,21 +181,23 @@ class SecularEquation {
     return sqrt(dot(x, x));
   }
   /// Halley's method on μ λ_N / |λ_T| = 1 from alpha, inside the bracket, in the lanes of `wanted`.
-  Real find_root(Real alpha, Real low, Real high, const Real& side, const Mask& wanted,
-                 const Real& closeness, int max_iterations, SecularOutcome<Real>& outcome) {
+  [[gnu::always_inline]] Real find_root(Real alpha, Real low, Real high, const Real& side,
+                                        const Mask& wanted, Scalar closeness_wanted,
+                                        int max_iterations, SecularOutcome<Real>& outcome) {
+    const Real closeness(closeness_wanted);
+    const bool quick = closeness_wanted > Scalar(1e-4); // the first search
     using std::abs, std::min;
     Mask done = !wanted;
     for (int k = 1; k <= max_iterations && !L::all(done); ++k) {
       ++outcome.iterations;
-      evaluate(alpha, side);
-      const Real f = ratio - Real(1);
-      const Mask above = (f > Real(0)) == (side > Real(0)); // the root is below α
+      evaluate(alpha, side, quick);
+      const Mask above = (excess > Real(0)) == (side > Real(0)); // the root is below α
       high = L::select(above, alpha, high);
       low = L::select(above, low, alpha);
-      Real next = halley(alpha, f);
+      Real next = halley(alpha);
       const Mask close = (abs(next - alpha) <= closeness * alpha &&
-                          abs(f) <= min(Real(1e-2), closeness * Real(8))) ||
-                         abs(f) <= Real(8 * epsilon);
+                          abs(excess) <= min(Real(1e-2), closeness * Real(8)) * edge_length) ||
+                         abs(excess) <= Real(8 * epsilon) * edge_length;
       // the bracket halves (in powers of ten) at least every fourth time
       const Mask good = inside(next, low, high) && (close || Mask(k % 4 != 0));
       const Mask tight =
@@ -211,18 +214,18 @@ class SecularEquation {
   }
 
   /// −W⁻¹ b: returns λ_N.
-  Real stick(Tangent& tangent) const {
+  [[gnu::always_inline]] Real stick(Tangent& tangent) const {
     Real n = -b_n;
     for (std::size_t k = 0; k < m; ++k)
       n += coupling(k) * form_.compliance[k] * a[k];
-    const Real normal = n / form_.schur;
+    const Real normal = n * form_.inverse_schur;
     for (std::size_t k = 0; k < m; ++k)
       tangent[k] = -form_.compliance[k] * (a[k] + coupling(k) * normal);
     return normal;
   }
 
   /// λ for a given α: returns λ_N.
-  Real edge(const Real& alpha, Tangent& tangent) {
+  [[gnu::always_inline]] Real edge(const Real& alpha, Tangent& tangent) {
     Real d = w_n - kappa * alpha, n = -b_n;
     for (std::size_t k = 0; k < m; ++k) {
       const Real r = Real(1) / (eigenvalue(k) + alpha), cr = coupling(k) * r;
@@ -238,84 +241,119 @@ class SecularEquation {
     return normal;
   }
 
-  /// D, n, ρ = μ |n| / |D λ_T| and two derivatives of ρ at α.
-  void evaluate(const Real& alpha, const Real& side) {
+  /// At α: D, and ρ − 1 and two derivatives of ρ = μ |n| / |D λ_T|, times powers of |D λ_T| so that
+  /// there is no division by it: excess, slope, curvature.
+  [[gnu::always_inline]] void evaluate(const Real& alpha, const Real& side, bool quick) {
     using std::sqrt;
-    Real d0 = w_n - kappa * alpha, d1 = -kappa, d2(0), n0 = -b_n, n1(0), n2(0);
-    for (std::size_t k = 0; k < m; ++k) {
-      const Real r = Real(1) / (eigenvalue(k) + alpha);
-      reciprocal[k] = r;
-      const Real cr = coupling(k) * r, ar = a[k] * r;
-      d0 -= coupling(k) * cr;
-      d1 += cr * cr;
-      d2 -= cr * cr * r;
-      n0 += coupling(k) * ar;
-      n1 -= cr * ar;
-      n2 += cr * ar * r;
-    }
-    d2 += d2;
-    n2 += n2;
-    determinant = d0;
-    numerator = n0;
-    Real t00(0), t01(0), t11(0), t02(0);
-    for (std::size_t k = 0; k < m; ++k) {
-      const Real r = reciprocal[k], c = coupling(k), ak = a[k];
-      const Real t0 = (d0 * ak + n0 * c) * r;
-      const Real t1 = (d1 * ak + n1 * c - t0) * r;
-      const Real t2 = (d2 * ak + n2 * c - t1 - t1) * r;
+    Real n0(0), n1(0), n2(0), t00(0), t01(0), t11(0), t02(0);
+    const auto add = [&](const Real& t0, const Real& t1, const Real& t2) {
       t00 += t0 * t0;
       t01 += t0 * t1;
       t11 += t1 * t1;
       t02 += t0 * t2;
+    };
+    bool polynomial = false;
+    if constexpr (m == 2)
+      polynomial = quick && L::all(alpha < Real(100)); // where α is large its powers cancel
+    if (polynomial) {
+      // All times (e_0 + α)(e_1 + α): no division, and (c_0 a_0 + …) c_0 − … is gone.
+      const std::size_t last = m - 1; // 1
+      const Real x0 = eigenvalue(0) + alpha, x1 = eigenvalue(last) + alpha, x = x0 * x1;
+      const Real w = w_n - kappa * alpha, c0 = coupling(0), c1 = coupling(last);
+      const Real a0 = a[0], a1 = a[last], ca0 = c0 * a0, ca1 = c1 * a1;
+      determinant = w * x - c0 * c0 * x1 - c1 * c1 * x0;
+      n0 = ca0 * x1 + ca1 * x0 - b_n * x;
+      n1 = ca0 + ca1 - b_n * (x0 + x1);
+      n2 = Real(-2) * b_n;
+      const Real twist = a0 * c1 - a1 * c0;
+      const Real y0 = a0 * w - c0 * b_n, y1 = a1 * w - c1 * b_n;
+      const Real z0 = kappa * a0, z1 = kappa * a1;
+      add(y0 * x1 - c1 * twist, y0 - z0 * x1, Real(-2) * z0);
+      add(y1 * x0 + c0 * twist, y1 - z1 * x0, Real(-2) * z1);
+    } else {
+      Real d0 = w_n - kappa * alpha, d1 = -kappa, d2(0);
+      n0 = -b_n;
+      for (std::size_t k = 0; k < m; ++k) {
+        const Real r = Real(1) / (eigenvalue(k) + alpha);
+        reciprocal[k] = r;
+        const Real cr = coupling(k) * r, ar = a[k] * r;
+        d0 -= coupling(k) * cr;
+        d1 += cr * cr;
+        d2 -= cr * cr * r;
+        n0 += coupling(k) * ar;
+        n1 -= cr * ar;
+        n2 += cr * ar * r;
+      }
+      d2 += d2;
+      n2 += n2;
+      determinant = d0;
+      for (std::size_t k = 0; k < m; ++k) {
+        const Real r = reciprocal[k], c = coupling(k), ak = a[k];
+        const Real t0 = (d0 * ak + n0 * c) * r;
+        const Real t1 = (d1 * ak + n1 * c - t0) * r;
+        add(t0, t1, (d2 * ak + n2 * c - t1 - t1) * r);
+      }
     }
-    const Real inverse2 = Real(1) / t00, inverse = sqrt(inverse2);
-    const Real p1 = t01 * inverse2; // |t|'/|t|
-    const Real p2 = (t11 + t02) * inverse2 - p1 * p1;
-    const Real factor = side * mu * inverse;
-    ratio = factor * n0;
-    slope = factor * n1 - ratio * p1;
-    curvature = factor * n2 - (slope + slope) * p1 - ratio * p2;
+    const Real factor = side * mu, m0 = factor * n0, m1 = factor * n1, m2 = factor * n2;
+    edge_square = t00;
+    edge_length = sqrt(t00);
+    excess = m0 - edge_length;
+    slope = m1 * t00 - m0 * t01;
+    curvature = (m2 * t00 - (m1 + m1) * t01 - m0 * (t11 + t02)) * t00 + Real(3) * m0 * (t01 * t01);
   }
 
-  /// Halley's step; in 1/α above the pole, where the ratio becomes constant for large α.
-  Real halley(const Real& alpha, const Real& f) const {
-    const Real half = Real(0.5) * f, down = slope * slope - half * curvature;
-    Real top = alpha * down - f * slope, bottom = down;
+  /// Halley's step, written with what `evaluate` leaves so that it needs one division; in 1/α above
+  /// the pole, where the ratio becomes constant for large α.
+  [[gnu::always_inline]] Real halley(const Real& alpha) const {
+    const Real half = Real(0.5) * excess, down = slope * slope - half * curvature;
+    const Real change = excess * edge_square;
+    Real top = alpha * down - change * slope, bottom = down;
     if constexpr (associated) {
       // u = 1/α: f_u = −α² f′, f_uu = α⁴ f″ + 2 α³ f′
-      const Real x = alpha * slope, xx = alpha * alpha * curvature + x + x;
+      const Real x = alpha * slope, xx = alpha * alpha * curvature + (x + x) * edge_square;
       const Real down_u = x * x - half * xx;
       const Mask below = determinant > Real(0);
       top = L::select(below, top, alpha * down_u);
-      bottom = L::select(below, bottom, down_u + f * x);
+      bottom = L::select(below, bottom, down_u + change * x);
     }
     return top / bottom;
   }
 
   /// α from the start: what makes λ_T best fit (e + α) λ_T = −(a + c λ_N). Without a start, that
   /// of the projection of −b on the cone.
-  Real start(const Vector& lambda, const Real& inverse_unit) const {
+  [[gnu::always_inline]] Real start(const Vector& lambda, const Real& inverse_unit,
+                                    const Real& a_norm) const {
     using std::max;
-    Tangent t;
-    for (std::size_t k = 0; k < m; ++k) {
-      t[k] = form_.basis[k][0] * lambda[1];
-      for (std::size_t i = 1; i < m; ++i)
-        t[k] += form_.basis[k][i] * lambda[i + 1];
-      t[k] *= inverse_unit;
+    Real length2 = lambda[1] * lambda[1];
+    for (std::size_t k = 1; k < m; ++k)
+      length2 += lambda[k + 1] * lambda[k + 1];
+    const Mask cold = !(length2 > Real(0));
+    Real alpha(0);
+    if (!L::all(!cold)) {
+      // −b scaled by the normal stiffness, on the edge: λ_T along −a
+      const Real normal =
+          max(Real(0), (mu * a_norm - b_n * form_.inverse_normal) * form_.inverse_slope);
+      Real weighted(0);
+      for (std::size_t k = 0; k < m; ++k)
+        weighted += eigenvalue(k) * (a[k] * a[k]);
+      const Real square = a_norm * a_norm, inverse = Real(1) / square;
+      const Real stretch = a_norm / (mu * normal);
+      alpha = ((square + normal * dot(form_.coupling, a)) * stretch - weighted) * inverse;
     }
-    Real normal = lambda[0] * inverse_unit;
-    const Mask cold = !(dot(t, t) > Real(0));
-    const Real a_norm = norm(a);
-    // −b scaled by the normal stiffness, on the edge
-    const Real on_edge = max(Real(0), (mu * a_norm - b_n / w_n) / (Real(1) + mu * mu));
-    normal = L::select(cold, on_edge, normal);
-    const Real shrink = -mu * on_edge / a_norm;
-    for (std::size_t k = 0; k < m; ++k)
-      t[k] = L::select(cold, shrink * a[k], t[k]);
-    Real top(0);
-    for (std::size_t k = 0; k < m; ++k)
-      top -= t[k] * (a[k] + coupling(k) * normal + eigenvalue(k) * t[k]);
-    return top / dot(t, t);
+    if (!L::all(cold)) {
+      Real top(0), bottom(0);
+      const Real normal = lambda[0] * inverse_unit;
+      for (std::size_t k = 0; k < m; ++k) {
+        Real t = form_.basis[k][0] * lambda[1];
+        for (std::size_t i = 1; i < m; ++i)
+          t += form_.basis[k][i] * lambda[i + 1];
+        t *= inverse_unit;
+        top -= t * (a[k] + coupling(k) * normal + eigenvalue(k) * t);
+        bottom += t * t;
+      }
+      alpha = L::select(cold, alpha, top / bottom);
+    }
+    return alpha;
   }
 
   /// A point between the ends of a bracket that may span many powers of ten, or reach down to 0.
@@ -357,7 +395,8 @@ class SecularEquation {
 
   /// Newton's method on all equations at once, in increments: what the elimination lost to
   /// cancellation comes back. Returns the residual.
-  Real refine_edge(Real& alpha, Real& normal, Tangent& tangent, const Mask& skip) {
+  [[gnu::always_inline]] Real refine_edge(Real& alpha, Real& normal, Tangent& tangent,
+                                          const Mask& skip) {
     using std::abs, std::max, std::min, std::sqrt;
     Real best(std::numeric_limits<Scalar>::infinity()), best_normal = normal;
     Tangent best_tangent = tangent;
@@ -365,16 +404,17 @@ class SecularEquation {
       Tangent row;
       const Real length = norm(tangent);
       Real balance = w_n * normal + b_n - kappa * alpha * normal;
-      Real worst(0);
+      Real worst(0), sliding(0);
       for (std::size_t i = 0; i < m; ++i) {
         row[i] = (eigenvalue(i) + alpha) * tangent[i] + a[i] + coupling(i) * normal;
         balance += coupling(i) * tangent[i];
         worst = max(worst, abs(row[i]));
+        sliding = max(sliding, abs(tangent[i])); // not the length, whose square may vanish
       }
       const Real edge = length - mu * normal;
       // γ̃_N = μ |γ̃_T| = μ α |λ_T| rests on the edge's equation, too; inside the cone there is to be
       // no motion; and α < 0 is friction that drives.
-      const Real motion = abs(alpha) * length;
+      const Real motion = abs(alpha) * sliding;
       Real wrong = abs(edge) * (associated ? Real(1) + mu * abs(alpha) : Real(1));
       wrong = L::select(edge < Real(0), min(wrong, motion), wrong);
       wrong = L::select(alpha < Real(0), max(wrong, motion), wrong);
@@ -396,10 +436,10 @@ class SecularEquation {
       balance = L::select(abs(balance) <= noise, Real(0), balance);
       for (Real& r : row)
         r = L::select(abs(r) <= noise, Real(0), r);
-      // 1/|λ_T| = 1/(μ λ_N), nearly linear in α
       const Real target = mu * normal;
       Real f1 = -balance, f2 = -edge * length;
-      f2 *= L::select(target > Real(0), length / target, Real(1));
+      if (!L::all(abs(edge) <= Real(1e-3) * length)) // 1/|λ_T| = 1/(μ λ_N), nearly linear in α
+        f2 *= L::select(target > Real(0), length / target, Real(1));
       for (std::size_t i = 0; i < m; ++i) {
         if (k > 0)
           reciprocal[i] = Real(1) / (eigenvalue(i) + alpha);
@@ -415,23 +455,27 @@ class SecularEquation {
       const Real inverse = Real(1) / (j11 * j22 - j12 * j21);
       const Real d_normal = (f1 * j22 - j12 * f2) * inverse;
       const Real d_alpha = (j11 * f2 - f1 * j21) * inverse;
-      // The edge along the step is a quadratic: q2 τ² + 2 q1 τ + q0 = 0.
       Tangent step;
-      Real q2 = -mu * d_normal * (mu * d_normal), q1 = -target * (mu * d_normal), next2(0);
+      Real next2(0);
       for (std::size_t i = 0; i < m; ++i) {
         step[i] = -(row[i] + coupling(i) * d_normal + tangent[i] * d_alpha) * reciprocal[i];
-        q2 += step[i] * step[i];
-        q1 += step[i] * tangent[i];
         next2 += (tangent[i] + step[i]) * (tangent[i] + step[i]);
       }
-      const Real q0 = edge * (length + target);
-      const Real root = sqrt(max(Real(0), q1 * q1 - q2 * q0));
-      const Real shorter = -q0 / (q1 + L::select(q1 < Real(0), -root, root));
+      // Where λ_T is small the full step may overshoot the edge, a quadratic along the step: q2 τ²
+      // + 2 q1 τ + q0 = 0.
       const Real next_edge = sqrt(next2) - mu * (normal + d_normal);
-      // Where λ_T is small the full step may overshoot the edge.
       const Mask overshoots =
           abs(next_edge) > Real(0.25) * abs(edge) && abs(edge) > Real(16 * epsilon) * length;
-      const Real fraction = L::select(overshoots && abs(shorter) < Real(2), shorter, Real(1));
+      Real fraction(1);
+      if (!L::all(!overshoots)) {
+        const Real d_target = mu * d_normal;
+        const Real q2 = dot(step, step) - d_target * d_target;
+        const Real q1 = dot(step, tangent) - target * d_target;
+        const Real q0 = edge * (length + target);
+        const Real root = sqrt(max(Real(0), q1 * q1 - q2 * q0));
+        const Real shorter = -q0 / (q1 + L::select(q1 < Real(0), -root, root));
+        fraction = L::select(overshoots && abs(shorter) < Real(2), shorter, fraction);
+      }
       for (std::size_t i = 0; i < m; ++i)
         tangent[i] += fraction * step[i];
       normal += fraction * d_normal;
@@ -458,7 +502,7 @@ class SecularEquation {
       residual = max(worst, abs(balance)) / (Real(1) + abs(normal) + norm(tangent));
       if (k == 1 || L::all(residual <= Real(4 * epsilon)))
         break;
-      const Real d_normal = (f1 - balance) / form_.schur;
+      const Real d_normal = (f1 - balance) * form_.inverse_schur;
       normal += d_normal;
       for (std::size_t i = 0; i < m; ++i)
         tangent[i] -= (row[i] + coupling(i) * d_normal) * form_.compliance[i];
@@ -469,7 +513,8 @@ class SecularEquation {
   const Form& form_;
   Tangent a{}, reciprocal{};
   Real b_n{}, w_n, mu, kappa;
-  Real determinant{}, numerator{}, ratio{}, slope{}, curvature{};
+  Real determinant{}, numerator{};
+  Real edge_length{}, edge_square{}, excess{}, slope{}, curvature{};
 };
 
 } // namespace talus
