@@ -12,20 +12,23 @@
 /// The scenes that the benchmarks measure on.
 namespace scenes {
 
-template <int Dim>
-using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+template <int Dim, class ParticleReal = double>
+using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>,
+                              ParticleReal>;
 
 /// Run B15 of Rousseau et al. 2023 with cells of 2 cm (across: the same) by 1 cm and a time step of
 /// 1.66 ms, all divided by `finer`.
-template <int Dim>
-Sim<Dim> collapse_b15(double finer, double tolerance, int per_axis = 3, int threads = 1) {
+template <int Dim, class ParticleReal = double>
+Sim<Dim, ParticleReal> collapse_b15(double finer, double tolerance, int per_axis = 3,
+                                    int threads = 1) {
   const talus::CollapseSetup setup = support::b15();
-  auto params = support::collapse_params<Sim<Dim>>(setup, talus::Vec<3>(0.02, 0.02, 0.01) / finer,
-                                                   1.66e-3 / finer);
+  using S = Sim<Dim, ParticleReal>;
+  auto params =
+      support::collapse_params<S>(setup, talus::Vec<3>(0.02, 0.02, 0.01) / finer, 1.66e-3 / finer);
   params.solver.tolerance = tolerance;
   params.threads = threads;
-  return Sim<Dim>(params,
-                  setup.particles<Dim>(talus::Grid<Dim>(params.grid), {.per_axis = per_axis}));
+  const talus::Grid<Dim> grid(params.grid);
+  return S(params, setup.particles<Dim, ParticleReal>(grid, {.per_axis = per_axis}));
 }
 
 /// A bed 0.1 m deep between slipping ends on a sticking floor, inclined by angle_deg.

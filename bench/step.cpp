@@ -4,12 +4,14 @@
 #include "scenes.hpp"
 
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/profile.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 #include <sys/resource.h>
 
 #include <iostream>
+#include <string>
 
 using namespace talus;
 
@@ -18,6 +20,7 @@ namespace {
 struct Options {
   int dim = 3, per_axis = 3, threads = 1, skip = 20, steps = 20;
   double finer = 1, tolerance = 5e-5;
+  std::string particle_data = "double";
 };
 
 /// Largest resident memory of this process so far, bytes.
@@ -27,10 +30,10 @@ double peak_memory() {
   return 1024.0 * static_cast<double>(usage.ru_maxrss);
 }
 
-template <int Dim>
+template <int Dim, class ParticleReal = double>
 nlohmann::json measure(const Options& options) {
-  auto sim = scenes::collapse_b15<Dim>(options.finer, options.tolerance, options.per_axis,
-                                       options.threads);
+  auto sim = scenes::collapse_b15<Dim, ParticleReal>(options.finer, options.tolerance,
+                                                     options.per_axis, options.threads);
   for (int i = 0; i < options.skip; ++i)
     static_cast<void>(sim.step());
   PhaseSeconds sum;
@@ -49,6 +52,7 @@ nlohmann::json measure(const Options& options) {
   }
   const double particles = static_cast<double>(sim.particles().size());
   return {{"dim", Dim},
+          {"particle_data", sizeof(ParticleReal) == sizeof(double) ? "double" : "float"},
           {"finer", options.finer},
           {"threads", options.threads},
           {"cells", sim.grid().cell_count()},
@@ -67,6 +71,8 @@ nlohmann::json measure(const Options& options) {
           {"to_particles_ns_per_particle", sum.to_particles / particles * 1e9},
           {"assembly_ns_per_cone", sum.assembly / cones * 1e9},
           {"solve_ns_per_cone_and_sweep", sum.solve / cone_sweeps * 1e9},
+          {"front_m", front_position(measure_profile(sim), 0.022)},
+          {"volume_under_surface_m3", volume_under_surface(sim)},
           {"memory_peak_bytes", peak_memory()},
           {"state_checksum", state_checksum(sim.particles())}};
 }
@@ -86,6 +92,15 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--steps", options.steps, "measured steps")->check(CLI::PositiveNumber);
   app.add_option("--tolerance", options.tolerance)->check(CLI::PositiveNumber);
+  app.add_option("--particle-data", options.particle_data, "double, or float (3-D only)")
+      ->check(CLI::IsMember({"double", "float"}));
   CLI11_PARSE(app, argc, argv);
-  std::cout << (options.dim == 2 ? measure<2>(options) : measure<3>(options)).dump(1) << '\n';
+  nlohmann::json measured;
+  if (options.dim == 2)
+    measured = measure<2>(options);
+  else if (options.particle_data == "float")
+    measured = measure<3, float>(options);
+  else
+    measured = measure<3>(options);
+  std::cout << measured.dump(1) << '\n';
 }

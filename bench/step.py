@@ -82,11 +82,11 @@ def table(results):
     lines = ["| run | particles | cones | threads | to grid | assembly | solve | to particles | step |"
              " transfers, ns a particle | solve, ns a cone and sweep | sweeps | peak MB |",
              "|---" * 13 + "|"]
-    for key in ("reference", "growth_particles", "growth_nodes", "plane"):
+    for key in ("reference", "single", "growth_particles", "growth_nodes", "plane"):
         for r in results[key]:
             s = r["seconds"]
             lines.append(
-                f"| {r['dim']}-D, h/{r['finer']:g} | {r['particles']:,} | {r['cones']:.0f} | {r['threads']} | "
+                f"| {r['dim']}-D, h/{r['finer']:g}{', float' * (r['particle_data'] == 'float')} | {r['particles']:,} | {r['cones']:.0f} | {r['threads']} | "
                 + " | ".join(f"{s[p]:.4f}" for p in PHASES + ["step"])
                 + f" | {(s['to_grid'] + s['to_particles']) / r['particles'] * 1e9:.0f}"
                 + f" | {r['solve_ns_per_cone_and_sweep']:.0f} | {r['sweeps']:.0f}"
@@ -112,6 +112,7 @@ def main():
         "first_program": first,
         "reference": [step(build, finer=2, per_axis=most, threads=t, skip=2 if quick else 120, steps=10)
                       for t in ((1,) if quick else sorted({1, 2, os.cpu_count()}))],
+        "single": [step(build, finer=2, per_axis=most, particle_data="float", skip=2 if quick else 120, steps=10)],
         "growth_particles": [step(build, finer=2, per_axis=n, skip=10) for n in range(2, most + 1)],
         "growth_nodes": [step(build, finer=f, per_axis=3, skip=10) for f in ((1, 2) if quick else (1, 1.5, 2, 3))],
         "plane": [step(build, dim=2, finer=f, per_axis=3, skip=10) for f in ((1, 2) if quick else (1, 2, 4, 8))],

@@ -92,13 +92,13 @@ struct [[nodiscard]] StepReport {
 };
 
 /// All that a simulation hands from one step to the next.
-template <int Dim>
+template <int Dim, class Real = double>
 struct SimulationState {
   double time = 0;                                   ///< s
   std::size_t steps = 0;                             ///< made so far
   double time_step = 0;                              ///< δt of the last step, s
   Vec<Dim> gravity = Vec<Dim>::Zero();               ///< m/s²
-  Particles<Dim> particles;                          ///< their order counts: sums depend on it
+  Particles<Dim, Real> particles;                    ///< their order counts: sums depend on it
   std::vector<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
   std::vector<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
   std::vector<RigidState<Dim>> bodies;
@@ -107,16 +107,18 @@ struct SimulationState {
 
 /// A granular flow: particles, a grid, and the policies that say how the medium yields (RheologyT),
 /// how particles and grid exchange velocities (TransferT) and how the dual problem is solved
-/// (SolverT).
+/// (SolverT). ParticleReal: what particles keep their velocities in; see Particles.
 ///
 /// One step of the semi-implicit scheme of Rousseau et al. 2023 (their §3 and appendices; after
 /// Daviet & Bertails-Descoubes 2016):
 ///   m_j (u_j − u*_j) = δt (m_j g + Σ_i Λ_i g_ij),  γ_i = vec(sym Σ_j u_j ⊗ g_ij) + k_i,
 ///   (γ_i, λ_i) in the Drucker–Prager law of friction μ_i.
-template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT>
+template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT,
+          class ParticleReal = double>
 class Simulation {
  public:
   static constexpr int dimension = Dim;
+  using ParticleData = Particles<Dim, ParticleReal>;
 
   struct Params {
     GridParams<Dim> grid{};
@@ -138,7 +140,7 @@ class Simulation {
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
   /// has no positive volume or a position or velocity that is not finite, or there is no particle
   /// at all.
-  explicit Simulation(Params params, Particles<Dim> particles)
+  explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)), grid_(params_.grid), rheology_(params_.rheology),
         transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
         particles_(std::move(particles)) {
@@ -222,7 +224,7 @@ class Simulation {
   std::size_t steps() const { return steps_; }
   const Params& params() const { return params_; }
   const Grid<Dim>& grid() const { return grid_; }
-  const Particles<Dim>& particles() const { return particles_; }
+  const ParticleData& particles() const { return particles_; }
   /// Place and velocities of the free bodies, in the order of params().bodies.
   const std::vector<RigidState<Dim>>& bodies() const { return bodies_; }
 
@@ -246,7 +248,7 @@ class Simulation {
     std::size_t steps;
     double time_step;
     const Vec<Dim>& gravity;
-    const Particles<Dim>& particles;
+    const ParticleData& particles;
     const std::vector<Vec<symmetric_size<Dim>>>& node_stress;
     const std::vector<Contact<Dim>>& contacts;
     const std::vector<RigidState<Dim>>& bodies;
@@ -267,7 +269,7 @@ class Simulation {
   /// Goes on from `state`, which a simulation with the same grid, faces, obstacles and bodies had:
   /// the next step gives the same bits as that one's. Throws std::invalid_argument, and changes
   /// nothing, if a particle is refused (see the constructor) or the state does not fit the grid.
-  void restore(SimulationState<Dim> state) {
+  void restore(SimulationState<Dim, ParticleReal> state) {
     require_non_negative("state.time", state.time);
     require_positive("state.time_step", state.time_step);
     for (int a = 0; a < Dim; ++a)
@@ -354,7 +356,7 @@ class Simulation {
     return std::chrono::duration<double>(to - from).count();
   }
 
-  void check_particles(const Particles<Dim>& particles) const {
+  void check_particles(const ParticleData& particles) const {
     if (particles.empty())
       throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
     for (const auto& [name, size] :
@@ -903,7 +905,7 @@ class Simulation {
   Stencil<Dim> stencil_;
   BlockOrder<Dim> node_order_;
   std::vector<std::size_t> node_rank_; ///< place of a node in node_order_
-  Particles<Dim> particles_;
+  ParticleData particles_;
   std::vector<RigidState<Dim>> bodies_;         ///< #bodies
   std::vector<double> body_radius_;             ///< of their corners, #bodies, m
   std::vector<Mat<spin>> body_inverse_inertia_; ///< in their own frames, #bodies
@@ -930,8 +932,9 @@ class Simulation {
 
 // Not in the class, which would make it inline: extern templates (talus/precompiled.hpp) save
 // nothing of what is inline.
-template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT>
-StepReport Simulation<Dim, RheologyT, TransferT, SolverT>::step() {
+template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT,
+          class ParticleReal>
+StepReport Simulation<Dim, RheologyT, TransferT, SolverT, ParticleReal>::step() {
   return step([](const DualProblem<Dim>&) {});
 }
 

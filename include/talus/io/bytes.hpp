@@ -58,7 +58,7 @@ class ByteWriter {
   void raw(const Eigen::DenseBase<Derived>& values) {
     for (Eigen::Index c = 0; c < values.cols(); ++c)
       for (Eigen::Index r = 0; r < values.rows(); ++r)
-        raw(static_cast<double>(values(r, c)));
+        raw(typename Derived::Scalar(values(r, c)));
   }
   /// Ends with the fingerprint of all bytes before.
   void seal() {

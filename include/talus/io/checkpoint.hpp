@@ -88,6 +88,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     out = {};
   };
   out.text(std::string(detail::checkpoint_format) + "\nversion " + TALUS_VERSION + "\n");
+  out.line("bytes of a particle's numbers", sizeof(typename Sim::ParticleData::Scalar));
   for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
     out.text(name + " " + value + "\n");
   out.line("state", state.time, state.steps, state.time_step);
@@ -149,16 +150,20 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
       in.fail("its " + name + " is " + std::string(theirs) + ", this simulation's is " + ours);
   };
   compare("version", TALUS_VERSION);
+  compare("bytes of a particle's numbers",
+          std::to_string(sizeof(typename Sim::ParticleData::Scalar)));
   for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
     compare(name, value);
 
-  SimulationState<dim> state;
+  using Real = typename Sim::ParticleData::Scalar;
+  SimulationState<dim, Real> state;
   std::size_t particles = 0, nodes = 0, contacts = 0, body_contacts = 0, length = 0;
   in.line("state", state.time, state.steps, state.time_step);
   in.line("counts", particles, nodes, contacts, body_contacts, length);
   std::string notes(in.take(length));
   in.raw(state.gravity);
-  in.need(particles, sizeof(double) * (2 + 2 * dim + dim * dim));
+  in.need(particles,
+          sizeof(std::uint64_t) + sizeof(double) * dim + sizeof(Real) * (1 + dim + dim * dim));
   state.particles.resize(particles);
   for (std::size_t p = 0; p < particles; ++p) {
     std::uint64_t id = 0;

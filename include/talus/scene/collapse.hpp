@@ -106,10 +106,10 @@ struct CollapseSetup {
   }
 
   /// Bed and column.
-  template <int Dim>
-  Particles<Dim> particles(const Grid<Dim>& channel, const Seeding& seeding) const {
+  template <int Dim, class Real = double>
+  Particles<Dim, Real> particles(const Grid<Dim>& channel, const Seeding& seeding) const {
     constexpr int up = up_axis<Dim>;
-    Particles<Dim> particles;
+    Particles<Dim, Real> particles;
     Vec<Dim> lower = channel.origin(), upper = channel.upper();
     if (bed_depth > 0) {
       upper[up] = lower[up] + bed_depth;

@@ -59,8 +59,8 @@ class Random {
 /// box's exactly. The lattice is fitted to the box, at about seeding.per_axis particles per cell
 /// edge. Returns the number added. Throws std::invalid_argument if the box is empty or leaves the
 /// grid.
-template <int Dim>
-std::size_t fill_box(Particles<Dim>& particles, const Grid<Dim>& grid, const Vec<Dim>& lower,
+template <int Dim, class Real>
+std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const Vec<Dim>& lower,
                      const Vec<Dim>& upper, const Seeding& seeding) {
   seeding.validate();
   Index<Dim> count;
@@ -124,8 +124,8 @@ std::size_t fill_box(Particles<Dim>& particles, const Grid<Dim>& grid, const Vec
 ///
 /// Returns the number added. Throws std::invalid_argument if a parameter is out of range or if the
 /// region is empty, outside of the grid or too thin to hold a particle.
-template <int Dim, Region<Dim> R>
-std::size_t fill(Particles<Dim>& particles, const Grid<Dim>& grid, const R& region,
+template <int Dim, class Real, Region<Dim> R>
+std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R& region,
                  const Seeding& seeding) {
   seeding.validate();
   constexpr int samples = 4; // along each edge of a share

@@ -43,9 +43,10 @@ class CellMomentSum {
     VecLanes<Dim> position, velocity;
     std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)> affine; ///< columns
 
-    void set(std::size_t lane, double v_p, const Vec<Dim>& x, const Vec<Dim>& v,
-             const Mat<Dim>& c) {
-      volume[static_cast<Eigen::Index>(lane)] = v_p;
+    template <class Real>
+    void set(std::size_t lane, Real v_p, const Vec<Dim>& x, const Vec<Dim, Real>& v,
+             const Mat<Dim, Real>& c) {
+      volume[static_cast<Eigen::Index>(lane)] = static_cast<double>(v_p);
       set_lane<Dim>(position, lane, x.data());
       set_lane<Dim>(velocity, lane, v.data());
       for (std::size_t b = 0; b < dim; ++b)
@@ -139,11 +140,11 @@ class CellMomentSum {
 };
 
 /// The moments of the particles of one cell. `affine`: do they carry C_p?
-template <int Dim>
-CellMoments<Dim> cell_moments(const Particles<Dim>& particles, const CellOrder<Dim>& order,
+template <int Dim, class Real>
+CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                               const Grid<Dim>& grid, int cell_number, bool affine) {
   constexpr std::size_t batch = particle_packs * particle_lanes;
-  const Mat<Dim> none = Mat<Dim>::Zero();
+  const Mat<Dim, Real> none = Mat<Dim, Real>::Zero();
   CellMomentSum<Dim> sum(grid, cell_number);
   std::array<typename CellMomentSum<Dim>::Pack, particle_packs> packs;
   const std::size_t end = order.begin(cell_number + 1);
@@ -156,7 +157,8 @@ CellMoments<Dim> cell_moments(const Particles<Dim>& particles, const CellOrder<D
     }
     const std::size_t used = (count + particle_lanes - 1) / particle_lanes;
     for (std::size_t l = count; l < used * particle_lanes; ++l)
-      packs[used - 1].set(l % particle_lanes, 0, grid.origin(), Vec<Dim>::Zero(), none);
+      packs[used - 1].template set<Real>(l % particle_lanes, 0, grid.origin(),
+                                         Vec<Dim, Real>::Zero(), none);
     for (std::size_t k = 0; k < used; ++k)
       sum.add(packs[k]);
   }
@@ -164,8 +166,8 @@ CellMoments<Dim> cell_moments(const Particles<Dim>& particles, const CellOrder<D
 }
 
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller.
-template <int Dim>
-void all_cell_moments(const Particles<Dim>& particles, const CellOrder<Dim>& order,
+template <int Dim, class Real>
+void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                       const Grid<Dim>& grid, bool affine, int threads,
                       std::vector<CellMoments<Dim>>& moments) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));

@@ -23,7 +23,8 @@ class CellOrder {
  public:
   /// Lists `particles`, which must be in the box; may change their order.
   /// Throws std::invalid_argument if there are 2^32 particles or more.
-  void update(Particles<Dim>& particles, const Grid<Dim>& grid, int threads) {
+  template <class Real>
+  void update(Particles<Dim, Real>& particles, const Grid<Dim>& grid, int threads) {
     if (particles.size() > std::numeric_limits<std::uint32_t>::max())
       throw_invalid("the number of particles", particles.size(), "below 2^32");
     list(particles, grid, threads);
@@ -45,7 +46,8 @@ class CellOrder {
  private:
   /// Each thread counts and then lists one part of the particles. The list is the same for any
   /// number of parts: by cell, and in a cell by index.
-  void list(const Particles<Dim>& particles, const Grid<Dim>& grid, int threads) {
+  template <class Real>
+  void list(const Particles<Dim, Real>& particles, const Grid<Dim>& grid, int threads) {
     const std::size_t count = particles.size();
     const std::size_t cells = static_cast<std::size_t>(grid.cell_count());
     const std::size_t parts = static_cast<std::size_t>(threads);
@@ -83,7 +85,8 @@ class CellOrder {
   }
 
   /// Puts particle order_[k] at place k for all k, in place, one thread an array.
-  void reorder(Particles<Dim>& particles, int threads) {
+  template <class Real>
+  void reorder(Particles<Dim, Real>& particles, int threads) {
     constexpr std::ptrdiff_t arrays = 5;
     moved_.assign(arrays * order_.size(), 0);
     parallel_for(threads, arrays, [&](std::ptrdiff_t array) {

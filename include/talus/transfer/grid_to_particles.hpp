@@ -12,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <type_traits>
 #include <vector>
 
 namespace talus {
@@ -63,8 +64,8 @@ class CellField {
 /// Takes v_p, C_p from the grid by `transfer` and moves x_p += δt Σ_i N_i(x_p) u_i, held between
 /// `lower` and `upper` (m; infinite where particles may leave the box).
 /// velocity, before: u and u* at the nodes, m/s, #nodes × at least d; time_step: δt, s.
-template <int Dim, TransferScheme<Dim> Transfer, class NodeVelocity>
-void grid_to_particles(Particles<Dim>& particles, const CellOrder<Dim>& order,
+template <int Dim, class Real, TransferScheme<Dim> Transfer, class NodeVelocity>
+void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                        const Grid<Dim>& grid, const Transfer& transfer,
                        const std::vector<NodeVelocity>& velocity,
                        const std::vector<NodeVelocity>& before, double time_step,
@@ -117,7 +118,15 @@ void grid_to_particles(Particles<Dim>& particles, const CellOrder<Dim>& order,
             sample.gradient.data()[b * dim + a] = pack.gradient[b][a][lane];
         }
         const std::size_t p = order.particle(first + l);
-        transfer.update(sample, particles.velocity[p], particles.affine[p]);
+        if constexpr (std::is_same_v<Real, double>) {
+          transfer.update(sample, particles.velocity[p], particles.affine[p]);
+        } else {
+          Vec<Dim> v = particles.velocity[p].template cast<double>();
+          Mat<Dim> c = particles.affine[p].template cast<double>();
+          transfer.update(sample, v, c);
+          particles.velocity[p] = v.template cast<Real>();
+          particles.affine[p] = c.template cast<Real>();
+        }
         Vec<Dim>& x = particles.position[p];
         x = (x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper);
       }

@@ -41,10 +41,10 @@ VecLanes<Dim> local_lanes(const Grid<Dim>& grid, const Index<Dim>& cell, const V
 }
 
 /// Puts the components of v into one lane.
-template <int Dim>
-void set_lane(VecLanes<Dim>& lanes, std::size_t lane, const double* v) {
+template <int Dim, class Real>
+void set_lane(VecLanes<Dim>& lanes, std::size_t lane, const Real* v) {
   for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
-    lanes[a][static_cast<Eigen::Index>(lane)] = v[a];
+    lanes[a][static_cast<Eigen::Index>(lane)] = static_cast<double>(v[a]);
 }
 
 } // namespace talus
