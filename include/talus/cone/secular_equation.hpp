@@ -129,16 +129,19 @@ class SecularEquation {
       }
       const Real start = eq.start(lambda, inverse * form.scale, a_norm);
       const Real alpha = L::select(inside(start, low, high), start, between(low, high));
-      // A second, stricter search for the few where the first stopped too far from the root.
-      for (const Scalar closeness : {Scalar(2e-3), Scalar(1e-8)}) {
+      // Stricter searches for the few where the first stopped too far from the root.
+      outcome.residual =
+          L::select(left, Real(std::numeric_limits<Scalar>::infinity()), outcome.residual);
+      for (const Scalar closeness : {Scalar(2e-3), Scalar(1e-8), Scalar(1e-13)}) {
         Real root = eq.find_root(alpha, low, high, side, left, closeness, max_iterations, outcome);
         Tangent edge_tangent;
         Real edge_normal = eq.edge(root, edge_tangent);
         const Real residual = eq.refine_edge(root, edge_normal, edge_tangent, !left);
-        normal = L::select(left, edge_normal, normal);
+        const Mask better = left && residual < outcome.residual;
+        normal = L::select(better, edge_normal, normal);
         for (std::size_t k = 0; k < m; ++k)
-          tangent[k] = L::select(left, edge_tangent[k], tangent[k]);
-        outcome.residual = L::select(left, residual, outcome.residual);
+          tangent[k] = L::select(better, edge_tangent[k], tangent[k]);
+        outcome.residual = L::select(better, residual, outcome.residual);
         left = left && !(residual <= Real(miss));
         if (L::all(!left))
           break;
