@@ -1,0 +1,115 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""Draws the picture that a study describes.
+
+usage: plot_study.py DIR
+
+Reads DIR/picture.json (written by examples/support/picture.hpp), writes DIR/NAME.png.
+Exits with 1 and a message if it is missing or cannot be used.
+"""
+import json
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import matplotlib.ticker
+import numpy as np
+
+# Colours of Okabe and Ito: told apart by colour-blind readers. Black is for what is published.
+COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999"]
+MARKERS = "os^Dv<>"
+WIDTH = 14.0  # inches, at 100 dots each
+
+
+def numbers(values):
+    """A list as an array; what is not finite comes as null."""
+    return np.array([np.nan if v is None else v for v in values or []], dtype=float)
+
+
+def draw_curve(axes, curve, colour, marker):
+    x, y = numbers(curve["x"]), numbers(curve["y"])
+    label = curve["label"] or None
+    kind = curve["kind"]
+    if kind == "band":
+        axes.fill_between(x, y, numbers(curve["high"]), color=colour, alpha=0.18, lw=0,
+                          label=label)
+    elif kind == "published":
+        axes.errorbar(x, y, numbers(curve["y_error"]), numbers(curve["x_error"]), color="black",
+                      marker=marker, mfc="white", ms=8, mew=2, capsize=5, lw=2, ls="none",
+                      zorder=5, label=label)
+    elif kind == "points":
+        error = numbers(curve["y_error"])
+        axes.errorbar(x, y, error if error.size else None, color=colour, marker=marker, ms=7,
+                      capsize=4, ls="none", label=label)
+    else:
+        axes.plot(x, y, color="black" if kind == "reference" else colour, lw=2,
+                  ls="-" if kind == "line" else "--", label=label)
+
+
+def draw_panel(axes, panel):
+    used = {}  # curves of one name share a colour
+    for curve in panel["curves"]:
+        name = curve["label"].split(":")[0]
+        index = used.setdefault(name, len(used))
+        draw_curve(axes, curve, COLOURS[index % len(COLOURS)], MARKERS[index % len(MARKERS)])
+    axes.set_title(panel["title"], loc="left", fontsize=13)
+    axes.set(xlabel=panel["x"], ylabel=panel["y"])
+    if panel["log"]:
+        axes.set(xscale="log", yscale="log")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+    if panel["equal"]:
+        axes.set_aspect("equal", adjustable="box")
+    axes.grid(color="0.9")
+    axes.set_axisbelow(True)
+    axes.legend(loc="best", framealpha=0.95, fontsize=11)
+
+
+def rows_of(panels):
+    """Wide panels take a row each, others share one two by two."""
+    rows = []
+    for panel in panels:
+        if not panel["equal"] and rows and len(rows[-1]) == 1 and not rows[-1][0]["equal"]:
+            rows[-1].append(panel)
+        else:
+            rows.append([panel])
+    return rows
+
+
+def draw(picture):
+    rows = rows_of(picture["panels"])
+    heights = [3.0 if row[0]["equal"] else 5.0 for row in rows]
+    figure = plt.figure(figsize=(WIDTH, sum(heights) + 0.5), layout="constrained")
+    figure.suptitle(picture["title"], fontsize=17, weight="bold")
+    for part, row in zip(np.atleast_1d(figure.subfigures(len(rows), 1, height_ratios=heights)),
+                         rows):
+        for axes, panel in zip(np.atleast_1d(part.subplots(1, len(row))), row):
+            draw_panel(axes, panel)
+    return figure
+
+
+def main():
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        sys.exit(__doc__)
+    directory = pathlib.Path(sys.argv[1])
+    plt.rcParams.update({"font.size": 13, "axes.spines.top": False, "axes.spines.right": False})
+    try:
+        picture = json.loads((directory / "picture.json").read_text())
+        path = directory / (picture["name"] + ".png")
+        draw(picture).savefig(path, dpi=100)
+    except OSError as error:
+        sys.exit(f"plot_study.py: {error.filename}: {error.strerror}")
+    except KeyError as error:
+        sys.exit(f"plot_study.py: {directory / 'picture.json'}: no entry {error}")
+    except ValueError as error:
+        sys.exit(f"plot_study.py: {directory / 'picture.json'}: {error}")
+    print(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "results.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <string>
+#include <vector>
+
+/// \file
+/// Pictures of the studies: described here, drawn by plot_study.py.
+
+namespace support {
+
+using Values = std::vector<double>;
+
+/// One set of axes with curves.
+class Panel {
+ public:
+  struct Axes {
+    std::string title, x, y; ///< labels with units
+    bool log = false;        ///< both axes logarithmic
+    bool equal = false;      ///< the same scale along both axes
+  };
+  explicit Panel(const Axes& axes)
+      : json_{{"title", axes.title}, {"x", axes.x},         {"y", axes.y},
+              {"log", axes.log},     {"equal", axes.equal}, {"curves", nlohmann::json::array()}} {}
+
+  /// kind: line, dashed or points. y_error: half lengths of error bars, or none.
+  Panel& add(const std::string& kind, const std::string& label, const Values& x, const Values& y,
+             const Values& y_error = {}) {
+    json_["curves"].push_back(
+        {{"kind", kind}, {"label", label}, {"x", x}, {"y", y}, {"y_error", y_error}});
+    return *this;
+  }
+  /// What is between two curves.
+  Panel& band(const std::string& label, const Values& x, const Values& low, const Values& high) {
+    json_["curves"].push_back(
+        {{"kind", "band"}, {"label", label}, {"x", x}, {"y", low}, {"high", high}});
+    return *this;
+  }
+  /// A published value: a point with error bars in both directions.
+  Panel& published(const std::string& label, double x, double x_error, double y, double y_error) {
+    json_["curves"].push_back({{"kind", "published"},
+                               {"label", label},
+                               {"x", {x}},
+                               {"y", {y}},
+                               {"x_error", {x_error}},
+                               {"y_error", {y_error}}});
+    return *this;
+  }
+  const nlohmann::json& json() const { return json_; }
+
+ private:
+  nlohmann::json json_;
+};
+
+/// Draws OUT/NAME.png from OUT/picture.json, which it writes. Panels share a row two by two, those
+/// with equal scales take a row each.
+inline void draw_panels(const CommonOptions& options, const std::string& name,
+                        const std::string& title, const std::vector<Panel>& panels) {
+  nlohmann::json picture = {{"name", name}, {"title", title}, {"panels", nlohmann::json::array()}};
+  for (const Panel& panel : panels)
+    picture["panels"].push_back(panel.json());
+  write_json(fs::path(options.out) / "picture.json", picture);
+  draw(options, "plot_study.py", options.out);
+}
+
+} // namespace support
