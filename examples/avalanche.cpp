@@ -44,6 +44,8 @@ struct Options {
   int dimension = 2;
   double friction = 0.44, step = 0.5;
   std::optional<double> from, to;
+  int per_axis = 6;
+  double jitter = 0, relief = 0;
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   support::ResumeOptions resume;
   support::CommonOptions common;
@@ -94,9 +96,9 @@ int run(const Options& options) {
   params.solver.tolerance = options.tolerance;
   params.threads = options.common.threads;
   // Relief throws grains off a flowing surface, which then never rests; see docs/validation.md.
-  params.packing.relief = 0;
+  params.packing.relief = options.relief;
   // Few particles, or random positions, leave soft spots that creep below the friction angle.
-  const talus::Seeding seeding{.per_axis = 6, .jitter = 0};
+  const talus::Seeding seeding{.per_axis = options.per_axis, .jitter = options.jitter};
   Sim sim(params, setup.particles<Dim>(talus::Grid<Dim>(params.grid), seeding));
 
   json cells = json::array();
@@ -108,6 +110,8 @@ int run(const Options& options) {
                        {"tilts_deg", {first, last, options.step}},
                        {"cells", cells},
                        {"particles", sim.particles().size()},
+                       {"particles_per_cell_edge", seeding.per_axis},
+                       {"jitter", seeding.jitter},
                        {"packing_slack", params.packing.slack},
                        {"packing_relief", params.packing.relief},
                        {"time_step_s", params.time_step},
@@ -271,6 +275,13 @@ int main(int argc, char** argv) {
   app.add_option("--to", options.to, "Last tilt, degrees");
   app.add_option("--step", options.step, "Of the tilt, degrees")
       ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--particles-per-edge", options.per_axis, "Particles along a cell's edge")
+      ->capture_default_str();
+  app.add_option("--jitter", options.jitter, "Of the lattice of particles, 0 to 1")
+      ->capture_default_str();
+  app.add_option("--packing-relief", options.relief,
+                 "Rate at which overpacking is taken back, in sqrt(g/h)")
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance, "Solver: relative residual")
       ->capture_default_str();

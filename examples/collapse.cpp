@@ -13,6 +13,7 @@
 #include "talus/cone/law.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/diagnostics/profile.hpp"
+#include "talus/diagnostics/quantiles.hpp"
 #include "talus/io/csv.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/scene/collapse.hpp"
@@ -43,7 +44,9 @@ struct Options {
   std::string seeding;
   int dimension = 3;
   support::PolicyOptions policies;
-  std::optional<double> friction, wall_friction, gate_friction, width, end_time, time_step;
+  std::optional<double> friction, wall_friction, gate_friction, end_time, time_step;
+  std::optional<double> inclination, column_length, column_height, bed_depth, length, width, height;
+  bool no_gate = false;
   std::optional<int> per_axis;
   std::vector<std::size_t> record_problems;
   std::vector<double> cell;
@@ -77,13 +80,13 @@ Case load_case(const Options& options) {
   Case run;
   run.material = support::grain_material(material_name, material);
   talus::CollapseSetup& setup = run.setup;
-  setup.inclination_deg = file.number("inclination_deg");
-  setup.column_length = preset.number("column_length");
-  setup.column_height = preset.number("column_height");
-  setup.bed_depth = preset.number("bed_depth");
-  setup.length = preset.number("length");
+  setup.inclination_deg = options.inclination.value_or(file.number("inclination_deg"));
+  setup.column_length = options.column_length.value_or(preset.number("column_length"));
+  setup.column_height = options.column_height.value_or(preset.number("column_height"));
+  setup.bed_depth = options.bed_depth.value_or(preset.number("bed_depth"));
+  setup.length = options.length.value_or(preset.number("length"));
   setup.width = options.width.value_or(preset.number("width"));
-  setup.height = preset.number("height");
+  setup.height = options.height.value_or(preset.number("height"));
   setup.gate.terminal_speed = material.number("gate_speed");
   setup.gate.time_constant = material.number("gate_time");
   setup.wall_friction = options.wall_friction.value_or(run.material.mu_wall);
@@ -158,7 +161,8 @@ int run(const Options& options, const Case& collapse) {
   params.cfl = options.cfl;
   params.faces = setup.faces<Dim>();
   const auto gate = setup.make_gate<Dim>();
-  params.obstacles.push_back(gate);
+  if (!options.no_gate)
+    params.obstacles.push_back(gate);
   params.rheology = support::rheology_params(options.policies, collapse.material, options.friction,
                                              options.preset == "repository");
   params.transfer = support::transfer_params(options.policies);
@@ -211,6 +215,7 @@ int run(const Options& options, const Case& collapse) {
                        {"jitter", seeding.jitter},
                        {"seed", seeding.seed},
                        {"wall_friction", setup.wall_friction},
+                       {"gate", !options.no_gate},
                        {"gate_friction", setup.gate_friction},
                        {"gate_opening_time_s", setup.gate.opening_time},
                        {"time_step_s", params.time_step},
@@ -233,6 +238,8 @@ int run(const Options& options, const Case& collapse) {
     for (std::size_t i = 0; i < profile.x.size(); ++i)
       profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
   };
+  talus::CsvWriter& inertial =
+      run.table("inertial.csv", {"time_s", "I_30", "I_median", "I_70", "nodes"});
   talus::RestDetector rest(threshold_speed, rest_hold);
   run.keep(
       "last_motion", [&] { return json(rest.last_motion()); },
@@ -251,13 +258,18 @@ int run(const Options& options, const Case& collapse) {
   while (run.advance(record)) {
     const double speed = talus::largest_speed(sim);
     rest.update(std::max(0.0, run.time()), speed);
-    if (!options.end_time && run.time() > 0 && gate->speed(sim.time()) > 0 && rest.at_rest())
+    const bool released = options.no_gate || gate->speed(sim.time()) > 0;
+    if (!options.end_time && run.time() > 0 && released && rest.at_rest())
       run.stop();
     if (run.sample_due()) {
       // The fields of the step are those at its start, before the particles moved on.
       now.sample(sim, setup);
       front.row(run.time_before(), now.front, now.front - setup.column_length, now.height_wall,
-                speed, now.volume, gate->bottom(sim.time()));
+                speed, now.volume,
+                options.no_gate ? std::numeric_limits<double>::infinity()
+                                : gate->bottom(sim.time()));
+      const talus::InertialQuantiles numbers = talus::inertial_quantiles(sim);
+      inertial.row(run.time_before(), numbers.low, numbers.median, numbers.high, numbers.nodes);
     }
     char text[96];
     std::snprintf(text, sizeof text, "t = %.3f s, fastest %.3f m/s, run-out %.3f m, %d sweeps",
@@ -285,6 +297,8 @@ int run(const Options& options, const Case& collapse) {
   for (int mm = 1; mm <= 5; ++mm)
     measured["runout_by_threshold_m"][std::to_string(mm) + " mm"] =
         talus::front_position(deposit, setup.bed_depth + 1e-3 * mm) - setup.column_length;
+  if (setup.bed_depth == 0) // on a bed the column's particles are not told from the bed's
+    measured["farthest_at_rest_m"] = talus::farthest_at_rest(sim.particles(), threshold_speed);
   run.write_summary({{"measured", measured}, {"published", collapse.published}});
 
   if (!options.run.common.quiet) {
@@ -375,7 +389,14 @@ int main(int argc, char** argv) {
   app.add_option("--wall-friction", options.wall_friction,
                  "Wall friction instead of the material's");
   app.add_option("--gate-friction", options.gate_friction, "Gate friction instead of the walls'");
+  app.add_flag("--no-gate", options.no_gate, "The column is released at once");
+  app.add_option("--inclination", options.inclination, "Slope instead of the case's, degrees");
+  app.add_option("--column-length", options.column_length, "Instead of the case's, m");
+  app.add_option("--column-height", options.column_height, "Above the bed, m");
+  app.add_option("--bed-depth", options.bed_depth, "0: the column stands on the floor, m");
+  app.add_option("--length", options.length, "Channel length instead of the case's, m");
   app.add_option("--width", options.width, "Channel width instead of the case's, m");
+  app.add_option("--height", options.height, "Channel height instead of the case's, m");
   app.add_option("--cell", options.cell,
                  "Cell edges along, across, up instead of the resolution's, m")
       ->expected(3);

@@ -25,22 +25,24 @@ class AnyRheology {
     std::variant<talus::ConstantFriction::Params, talus::MuOfI::Params,
                  talus::HystereticFriction::Params>
         law;
+    talus::InertialNumber inertial{.grain_diameter = 0, .density = 1}; ///< of a constant law
   };
   static constexpr bool rate_dependent = true;
 
   explicit AnyRheology(const Params& params)
-      : law_(std::visit([](const auto& p) { return make(p); }, params.law)) {}
+      : inertial_(params.inertial),
+        law_(std::visit([](const auto& p) { return make(p); }, params.law)) {}
 
   double friction(double inertial_number) const {
     return std::visit([&](const auto& law) { return law.friction(inertial_number); }, law_);
   }
   talus::InertialNumber inertial_number() const {
     return std::visit(
-        [](const auto& law) {
+        [&](const auto& law) {
           if constexpr (requires { law.inertial_number(); })
             return law.inertial_number();
           else
-            return talus::InertialNumber{.grain_diameter = 0, .density = 1};
+            return inertial_;
         },
         law_);
   }
@@ -52,6 +54,7 @@ class AnyRheology {
   static Law make(const talus::HystereticFriction::Params& p) {
     return talus::HystereticFriction(p);
   }
+  talus::InertialNumber inertial_;
   Law law_;
 };
 static_assert(talus::Rheology<AnyRheology>);
@@ -86,9 +89,11 @@ struct PolicyOptions {
 };
 
 inline void add_policy_options(CLI::App& app, PolicyOptions& options) {
-  app.add_option("--rheology", options.rheology,
-                 "constant: avalanche friction; stop: stopping friction; mu-i: mu(I); hysteretic")
-      ->check(CLI::IsMember({"constant", "stop", "mu-i", "hysteretic"}))
+  app.add_option(
+         "--rheology", options.rheology,
+         "constant: avalanche friction; stop: stopping friction; mu-i: mu(I); hysteretic: a "
+         "ramp, or a step in the repository preset; hysteretic-step")
+      ->check(CLI::IsMember({"constant", "stop", "mu-i", "hysteretic", "hysteretic-step"}))
       ->capture_default_str();
   app.add_option("--transfer", options.transfer, "Between particles and grid")
       ->check(CLI::IsMember({"apic", "pic", "flip"}))
@@ -102,6 +107,11 @@ struct GrainMaterial {
   double mu_avalanche = 0, mu_stop = 0, mu_wall = 0;
   std::optional<talus::MuOfI::Params> mu_of_i;
   std::optional<talus::HystereticFriction::Params> hysteretic;
+
+  /// In the convention of Rousseau et al. 2023: |D| = sqrt(D:D/2), density of the medium.
+  talus::InertialNumber inertial() const {
+    return {.grain_diameter = grain_diameter, .density = density, .strain_factor = 1};
+  }
 };
 
 inline GrainMaterial grain_material(const std::string& name, const Toml& file) {
@@ -113,9 +123,7 @@ inline GrainMaterial grain_material(const std::string& name, const Toml& file) {
                          .mu_wall = file.number("mu_wall"),
                          .mu_of_i = {},
                          .hysteretic = {}};
-  // The convention of Rousseau et al. 2023: |D| = sqrt(D:D/2), density of the medium.
-  const talus::InertialNumber inertial{
-      .grain_diameter = material.grain_diameter, .density = material.density, .strain_factor = 1};
+  const talus::InertialNumber inertial = material.inertial();
   if (file.has("I_0"))
     material.mu_of_i = talus::MuOfI::Params{.law = {.mu_static = file.number("mu_static"),
                                                     .mu_limit = file.number("mu_limit"),
@@ -139,14 +147,15 @@ inline AnyRheology::Params rheology_params(const PolicyOptions& options,
     throw std::invalid_argument("--friction goes with --rheology constant, not " +
                                 options.rheology);
   if (options.rheology == "constant")
-    return {talus::ConstantFriction::Params{.mu = friction.value_or(material.mu_avalanche)}};
+    return {talus::ConstantFriction::Params{.mu = friction.value_or(material.mu_avalanche)},
+            material.inertial()};
   if (options.rheology == "stop")
-    return {talus::ConstantFriction::Params{.mu = material.mu_stop}};
+    return {talus::ConstantFriction::Params{.mu = material.mu_stop}, material.inertial()};
   if (options.rheology == "mu-i" && material.mu_of_i)
     return {*material.mu_of_i};
-  if (options.rheology == "hysteretic" && material.hysteretic) {
+  if (options.rheology.starts_with("hysteretic") && material.hysteretic) {
     talus::HystereticFriction::Params params = *material.hysteretic;
-    if (step)
+    if (step || options.rheology == "hysteretic-step")
       params.law.shape = talus::HystereticCurve::Shape::step;
     return {params};
   }

@@ -142,6 +142,14 @@ inline void write_json(const fs::path& path, const nlohmann::json& json) {
   fs::rename(temporary, path);
 }
 
+/// A word for the shell.
+inline std::string quoted(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text)
+    result += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return result + "'";
+}
+
 /// Runs a plot script on the results: a picture is welcome, but no reason to fail.
 inline void draw(const CommonOptions& options, const std::string& script, const fs::path& out) {
   if (options.no_plot)

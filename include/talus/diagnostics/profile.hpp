@@ -3,6 +3,7 @@
 
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
+#include "talus/particles.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -110,6 +111,16 @@ double largest_speed(const Flow& flow) {
   for (const auto& v : flow.particles().velocity)
     largest = std::max(largest, v.squaredNorm());
   return std::sqrt(largest);
+}
+
+/// Largest x of the particles that are not faster than `speed` (m/s), m; -infinity without any.
+template <int Dim>
+double farthest_at_rest(const Particles<Dim>& particles, double speed) {
+  double farthest = -std::numeric_limits<double>::infinity();
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    if (particles.velocity[p].norm() <= speed)
+      farthest = std::max(farthest, particles.position[p][0]);
+  return farthest;
 }
 
 /// Remembers the last time at which something moved.

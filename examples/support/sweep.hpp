@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "command_line.hpp"
+#include "picture.hpp"
+#include "results.hpp"
+
+#include "talus/io/csv.hpp"
+#include "talus/io/progress.hpp"
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstddef>
+#include <cstdio>
+#include <cstdlib>
+#include <fcntl.h>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <system_error>
+#include <thread>
+#include <unistd.h>
+#include <utility>
+#include <vector>
+#if defined(__linux__)
+#include <sys/prctl.h>
+#endif
+
+/// \file
+/// Studies: many runs of the program `collapse`, side by side, each in a folder of its own, and
+/// what is read from their results.
+
+namespace support {
+
+struct StudyOptions {
+  std::string resolution = "coarse", write_jobs;
+  bool overwrite = false;
+  CommonOptions common{};
+
+  bool reference() const { return resolution == "reference"; }
+};
+
+inline void add_study_options(CLI::App& app, StudyOptions& options, const std::string& name) {
+  app.add_option("--resolution", options.resolution, "Of all runs")
+      ->check(CLI::IsMember({"coarse", "reference"}))
+      ->capture_default_str();
+  app.add_flag("--overwrite", options.overwrite, "Replace unfinished runs instead of going on");
+  app.add_option("--write-jobs", options.write_jobs,
+                 "Run nothing, but write an array-job script for a batch system (sbatch) to this "
+                 "file; when its jobs are done, the same command without it gathers the results");
+  add_common_options(app, options.common, "out/" + name);
+}
+
+/// One run of `collapse`.
+struct Job {
+  std::string name;                   ///< of its folder
+  std::vector<std::string> arguments; ///< --out and --resolution come with the study
+};
+
+/// A number as an argument.
+inline std::string text(double value) {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, "%.9g", value);
+  return digits;
+}
+
+/// Thrown when the user asked to stop.
+struct Interrupted {};
+
+/// Runs jobs, as many at once as there are threads. A run that is finished is not run again and one
+/// that was killed goes on (collapse --resume), so that the same command goes on with a sweep that
+/// was stopped, whatever stopped it.
+class Sweep {
+ public:
+  explicit Sweep(const StudyOptions& options)
+      : options_(options), runs_(options.common.prepare_out() / "runs") {}
+
+  /// The folder of a job's results.
+  fs::path folder(const Job& job) const { return runs_ / job.name; }
+
+  /// The jobs' summaries, in order. Throws std::runtime_error if a run failed, when all others are
+  /// done, and Interrupted.
+  std::vector<nlohmann::json> run(const std::vector<Job>& jobs, const std::string& label) {
+    if (!options_.write_jobs.empty()) {
+      write_jobs(jobs);
+      throw Interrupted{};
+    }
+    talus::Progress progress(label, {.quiet = options_.common.quiet});
+    std::vector<std::pair<pid_t, std::size_t>> running; // process, number of the job
+    std::string failures;
+    std::size_t next = 0, done = 0;
+    while (done < jobs.size()) {
+      while (!interrupted() && next < jobs.size() &&
+             running.size() < static_cast<std::size_t>(options_.common.threads)) {
+        running.emplace_back(start(jobs[next]), next);
+        ++next;
+      }
+      int status = 0;
+      const pid_t ended = waitpid(-1, &status, WNOHANG);
+      if (ended > 0) {
+        const auto at = std::find_if(running.begin(), running.end(),
+                                     [&](const auto& entry) { return entry.first == ended; });
+        if (at != running.end()) {
+          if (!(WIFEXITED(status) && WEXITSTATUS(status) == 0))
+            failures += "\n  " + (folder(jobs[at->second]) / "log.txt").string();
+          running.erase(at);
+          ++done;
+        }
+        continue;
+      }
+      if (interrupted()) {
+        for (const auto& entry : running)
+          kill(entry.first, SIGTERM); // they save what they have
+        for (const auto& entry : running)
+          waitpid(entry.first, &status, 0);
+        progress.finish("interrupted");
+        throw Interrupted{};
+      }
+      std::string names = std::to_string(done) + " of " + std::to_string(jobs.size()) + " done;";
+      for (const auto& entry : running)
+        names += " " + jobs[entry.second].name;
+      progress.update(static_cast<double>(done) / static_cast<double>(jobs.size()), names);
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    progress.finish(failures.empty() ? "completed" : "failed");
+    if (!failures.empty())
+      throw std::runtime_error("runs failed; the reasons are in" + failures);
+    std::vector<nlohmann::json> summaries;
+    for (const Job& job : jobs) {
+      std::ifstream file(folder(job) / "summary.json");
+      summaries.push_back(nlohmann::json::parse(file));
+      if (summaries.back().at("status") != "completed")
+        std::fprintf(stderr, "%s: %s\n", folder(job).c_str(),
+                     summaries.back().at("status").get<std::string>().c_str());
+    }
+    return summaries;
+  }
+
+ private:
+  std::vector<std::string> command(const Job& job) const {
+    std::vector<std::string> words = {TALUS_COLLAPSE, "--resolution", options_.resolution};
+    words.insert(words.end(), job.arguments.begin(), job.arguments.end());
+    for (const char* word : {"--threads", "1", "--vtk", "none", "--quiet", "--no-plot"})
+      words.push_back(word);
+    words.push_back(options_.overwrite ? "--overwrite" : "--resume");
+    words.insert(words.end(), {"--out", folder(job).string()});
+    return words;
+  }
+
+  pid_t start(const Job& job) const {
+    fs::create_directories(folder(job));
+    const std::vector<std::string> words = command(job);
+    const std::string log = (folder(job) / "log.txt").string();
+    std::vector<char*> arguments;
+    for (const std::string& word : words)
+      arguments.push_back(const_cast<char*>(word.c_str())); // execv's old signature
+    arguments.push_back(nullptr);
+    const pid_t parent = getpid();
+    const pid_t child = fork();
+    if (child < 0)
+      throw std::system_error(errno, std::generic_category(), "cannot start " + words[0]);
+    if (child > 0)
+      return child;
+      // From here to execv only what is safe in a forked process.
+#if defined(__linux__)
+    prctl(PR_SET_PDEATHSIG, SIGTERM); // not even kill -9 of the sweep leaves runs behind
+    if (getppid() != parent)
+      _exit(1);
+#else
+    static_cast<void>(parent);
+#endif
+    const int file = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    dup2(file, STDOUT_FILENO);
+    dup2(file, STDERR_FILENO);
+    execv(arguments[0], arguments.data());
+    _exit(127);
+  }
+
+  void write_jobs(const std::vector<Job>& jobs) const {
+    std::ofstream file(options_.write_jobs);
+    file << "#!/bin/sh\n#SBATCH --array=1-" << jobs.size()
+         << "\n#SBATCH --cpus-per-task=1\n"
+            "# Other batch systems: run it once for each number, as the first argument.\n"
+            "case ${SLURM_ARRAY_TASK_ID:-$1} in\n";
+    for (std::size_t i = 0; i < jobs.size(); ++i) {
+      file << i + 1 << ")\n  exec";
+      for (const std::string& word : command(jobs[i]))
+        file << ' ' << quoted(word);
+      file << " ;;\n";
+    }
+    file << "*)\n  echo \"usage: $0 NUMBER, 1 to " << jobs.size() << "\" >&2; exit 2 ;;\nesac\n";
+    file.close();
+    if (!file)
+      throw std::runtime_error("cannot write " + options_.write_jobs);
+    std::printf("%s: %zu jobs\n", options_.write_jobs.c_str(), jobs.size());
+  }
+
+  StudyOptions options_;
+  fs::path runs_;
+};
+
+/// Columns of a table that a run left.
+class RunTable {
+ public:
+  explicit RunTable(const fs::path& path) : path_(path) {
+    std::ifstream file(path);
+    std::string line;
+    std::getline(file, line);
+    names_ = split(line);
+    columns_.resize(names_.size());
+    while (std::getline(file, line)) {
+      const std::vector<std::string> cells = split(line);
+      for (std::size_t c = 0; c < cells.size() && c < columns_.size(); ++c)
+        columns_[c].push_back(std::strtod(cells[c].c_str(), nullptr));
+    }
+    if (columns_.empty() || columns_[0].empty())
+      throw std::runtime_error(path.string() + ": no rows");
+  }
+  const Values& operator[](const std::string& name) const {
+    const auto at = std::find(names_.begin(), names_.end(), name);
+    if (at == names_.end())
+      throw std::runtime_error(path_.string() + ": no column " + name);
+    return columns_[static_cast<std::size_t>(at - names_.begin())];
+  }
+  /// The part of a column that belongs to the time (column time_s) nearest to `time`.
+  Values at(double time, const std::string& name) const {
+    const Values& times = (*this)["time_s"];
+    const double nearest = *std::min_element(times.begin(), times.end(), [&](double a, double b) {
+      return std::abs(a - time) < std::abs(b - time);
+    });
+    Values part;
+    for (std::size_t i = 0; i < times.size(); ++i)
+      if (times[i] == nearest)
+        part.push_back((*this)[name][i]);
+    return part;
+  }
+  double last_time() const { return (*this)["time_s"].back(); }
+
+ private:
+  static std::vector<std::string> split(const std::string& line) {
+    std::vector<std::string> cells(1);
+    for (const char c : line)
+      if (c == ',')
+        cells.emplace_back();
+      else if (c != '\r')
+        cells.back() += c;
+    return cells;
+  }
+  fs::path path_;
+  std::vector<std::string> names_;
+  std::vector<Values> columns_;
+};
+
+/// What a study leaves besides its runs: OUT/summary.json, OUT/NAME.csv and OUT/NAME.png.
+struct StudyResults {
+  nlohmann::json measured;
+  std::vector<std::string> columns; ///< of the table
+  std::vector<std::vector<std::string>> rows;
+  std::vector<Panel> panels;
+  std::string title;
+};
+
+/// study(sweep) -> StudyResults.
+template <class Study>
+int run_study(const StudyOptions& options, const std::string& name, const Study& study) {
+  const Stopwatch stopwatch;
+  Sweep sweep(options);
+  try {
+    const StudyResults results = study(sweep);
+    const fs::path out = options.common.out;
+    std::ofstream table(out / (name + ".csv"));
+    const auto write_row = [&](const std::vector<std::string>& row) {
+      for (std::size_t i = 0; i < row.size(); ++i)
+        table << (i > 0 ? "," : "") << row[i];
+      table << '\n';
+    };
+    write_row(results.columns);
+    for (const auto& row : results.rows)
+      write_row(row);
+    table.close();
+    if (!table)
+      throw std::runtime_error("cannot write " + (out / (name + ".csv")).string());
+    write_json(out / "summary.json", {{"program", name},
+                                      {"versions", versions()},
+                                      {"status", "completed"},
+                                      {"inputs", {{"resolution", options.resolution}}},
+                                      {"measured", results.measured},
+                                      {"wall_seconds", stopwatch.seconds()}});
+    if (!options.common.quiet) {
+      for (const std::string& column : results.columns)
+        std::printf("%18s", column.c_str());
+      std::printf("\n");
+      for (const auto& row : results.rows) {
+        for (const std::string& cell : row)
+          std::printf("%18s", cell.c_str());
+        std::printf("\n");
+      }
+    }
+    draw_panels(options.common, name, results.title + ", " + options.resolution + " resolution",
+                results.panels);
+    return 0;
+  } catch (const Interrupted&) {
+    if (!options.write_jobs.empty())
+      return 0;
+    std::fprintf(stderr, "to go on: the same command again\n");
+    return 130;
+  }
+}
+
+} // namespace support
