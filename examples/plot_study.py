@@ -63,33 +63,24 @@ def draw_panel(axes, panel):
             axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
             axis.set_major_formatter("{x:g}")
             axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
-    if panel["equal"]:
-        axes.set_aspect("equal", adjustable="box")
+    elif panel["log_y"]:
+        axes.set(yscale="log")
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.legend(loc="best", framealpha=0.95, fontsize=11)
 
 
-def rows_of(panels):
-    """Wide panels take a row each, others share one two by two."""
-    rows = []
-    for panel in panels:
-        if not panel["equal"] and rows and len(rows[-1]) == 1 and not rows[-1][0]["equal"]:
-            rows[-1].append(panel)
-        else:
-            rows.append([panel])
-    return rows
-
-
 def draw(picture):
-    rows = rows_of(picture["panels"])
-    heights = [3.0 if row[0]["equal"] else 5.0 for row in rows]
-    figure = plt.figure(figsize=(WIDTH, sum(heights) + 0.5), layout="constrained")
+    panels = picture["panels"]
+    columns = min(2, len(panels))
+    rows = -(-len(panels) // columns)
+    figure, grid = plt.subplots(rows, columns, figsize=(WIDTH, 4.6 * rows + 0.5), squeeze=False,
+                                layout="constrained")
     figure.suptitle(picture["title"], fontsize=17, weight="bold")
-    for part, row in zip(np.atleast_1d(figure.subfigures(len(rows), 1, height_ratios=heights)),
-                         rows):
-        for axes, panel in zip(np.atleast_1d(part.subplots(1, len(row))), row):
-            draw_panel(axes, panel)
+    for axes in grid.flat[len(panels):]:
+        axes.remove()
+    for axes, panel in zip(grid.flat, panels):
+        draw_panel(axes, panel)
     return figure
 
 

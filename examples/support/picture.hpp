@@ -21,13 +21,14 @@ class Panel {
   struct Axes {
     std::string title, x, y; ///< labels with units
     bool log = false;        ///< both axes logarithmic
-    bool equal = false;      ///< the same scale along both axes
+    bool log_y = false;      ///< the upright one alone
   };
   explicit Panel(const Axes& axes)
       : json_{{"title", axes.title}, {"x", axes.x},         {"y", axes.y},
-              {"log", axes.log},     {"equal", axes.equal}, {"curves", nlohmann::json::array()}} {}
+              {"log", axes.log},     {"log_y", axes.log_y}, {"curves", nlohmann::json::array()}} {}
 
-  /// kind: line, dashed or points. y_error: half lengths of error bars, or none.
+  /// kind: line, dashed, points, or reference (black). y_error: half lengths of error bars, or
+  /// none.
   Panel& add(const std::string& kind, const std::string& label, const Values& x, const Values& y,
              const Values& y_error = {}) {
     json_["curves"].push_back(
@@ -56,8 +57,7 @@ class Panel {
   nlohmann::json json_;
 };
 
-/// Draws OUT/NAME.png from OUT/picture.json, which it writes. Panels share a row two by two, those
-/// with equal scales take a row each.
+/// Draws OUT/NAME.png from OUT/picture.json, which it writes.
 inline void draw_panels(const CommonOptions& options, const std::string& name,
                         const std::string& title, const std::vector<Panel>& panels) {
   nlohmann::json picture = {{"name", name}, {"title", title}, {"panels", nlohmann::json::array()}};

@@ -260,6 +260,32 @@ class RunTable {
   std::vector<Values> columns_;
 };
 
+/// The deposit of a run, from profiles.csv.
+inline void add_final_profile(Panel& panel, const std::string& label, const fs::path& folder) {
+  const RunTable table(folder / "profiles.csv");
+  panel.add("line", label, table.at(table.last_time(), "x_m"),
+            table.at(table.last_time(), "height_m"));
+}
+
+/// The run-out of a run against time, from front.csv.
+inline void add_front(Panel& panel, const std::string& label, const fs::path& folder) {
+  const RunTable table(folder / "front.csv");
+  panel.add("line", label, table["time_s"], table["runout_m"]);
+}
+
+/// Published run-out and rest time, where there are any.
+inline void add_published(Panel& panel, const nlohmann::json& published) {
+  if (!published.contains("runout_exp_m"))
+    return;
+  for (const auto& [source, label] :
+       {std::pair("exp", "experiment"), std::pair("sim", "authors' simulation")}) {
+    const std::string of = std::string("_") + source;
+    panel.published(label, published.at("rest_time" + of + "_s"),
+                    published.at("rest_time" + of + "_pm_s"), published.at("runout" + of + "_m"),
+                    published.at("runout" + of + "_pm_m"));
+  }
+}
+
 /// What a study leaves besides its runs: OUT/summary.json, OUT/NAME.csv and OUT/NAME.png.
 struct StudyResults {
   nlohmann::json measured;
