@@ -16,8 +16,11 @@
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/particles.hpp"
+#include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/rheology.hpp"
+#include "talus/rheology/viscosity.hpp"
 #include "talus/solver/solver.hpp"
+#include "talus/solver/viscous_solver.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/grid_to_particles.hpp"
@@ -70,7 +73,7 @@ struct Packing {
 /// Wall-clock seconds of one step, by phase.
 struct PhaseSeconds {
   double to_grid = 0;  ///< sorting, particles to grid
-  double assembly = 0; ///< boundary conditions, cones and contacts, warm start
+  double assembly = 0; ///< boundary conditions, cones and contacts, warm start, viscosity
   double solve = 0;
   double to_particles = 0; ///< grid to particles, advection
 
@@ -79,8 +82,11 @@ struct PhaseSeconds {
 
 /// What one step did.
 struct [[nodiscard]] StepReport {
-  SolveReport solve;
+  SolveReport solve;     ///< iterations and seconds of all friction updates
+  ViscousReport viscous; ///< of the Newtonian part, if there is one
   PhaseSeconds seconds;
+  int friction_updates = 1;   ///< how often μ_i was taken from the rheology
+  double friction_change = 0; ///< relative change of μ p by the last update, or by the one left out
   std::size_t cones = 0, contacts = 0;
   std::size_t invalid_friction = 0; ///< nodes whose friction law gave no finite μ ≥ 0
   std::size_t outflow = 0;          ///< particles that left through free faces in this step
@@ -132,6 +138,11 @@ class Simulation {
     typename RheologyT::Params rheology{};
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
+    /// Most times that a step takes μ_i from the rheology. 1: once, from the strain rate and the
+    /// pressure of the last step, as in the paper. More: again from those that it has found, until
+    /// the yield stress μ p changes by less than friction_tolerance, relative, in the mean square.
+    int friction_updates = 1;
+    double friction_tolerance = 1e-3;
     double min_relative_mass = 1e-9; ///< nodes below this share of the dense mass carry no stress
     Packing packing{};
     int threads = 1; ///< the result does not depend on it
@@ -147,6 +158,9 @@ class Simulation {
     require_positive("material.density", params_.material.density);
     require_positive("time_step", params_.time_step);
     require_non_negative("cfl", params_.cfl);
+    if (params_.friction_updates < 1)
+      throw_invalid("friction_updates", params_.friction_updates, "an integer >= 1");
+    require_positive("friction_tolerance", params_.friction_tolerance);
     require_positive("min_relative_mass", params_.min_relative_mass);
     params_.packing.validate();
     for (int a = 0; a < Dim; ++a)
@@ -190,18 +204,22 @@ class Simulation {
     choose_time_step();
     const auto t1 = Clock::now();
     collect_cones();
-    report.invalid_friction = count_invalid_friction();
     add_gravity();
     apply_faces();
     collect_contacts();
     collect_body_contacts();
     apply_impulses(problem_, stencil_);
+    if constexpr (Viscous<RheologyT>)
+      report.viscous = viscous_solver_.solve(problem_, material_volume_, rheology_.viscosity(),
+                                             time_step_, params_.threads);
+    move_apex(1);
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
-    if (report.invalid_friction == 0)
-      report.solve = solver_.solve(problem_, workspace_, params_.threads);
-    else
-      report.solve.status = SolveStatus::not_finite;
+    solve(report);
+    if constexpr (RheologyT::rate_dependent)
+      while (report.completed() && report.friction_updates < params_.friction_updates &&
+             update_friction(report))
+        solve(report);
     const auto t3 = Clock::now();
     if (report.completed()) {
       keep_stresses();
@@ -342,7 +360,7 @@ class Simulation {
     return inertial_number_[static_cast<std::size_t>(grid_.node(node))];
   }
 
-  /// The dual problem of the last step with its solution.
+  /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I.
   const DualProblem<Dim>& problem() const { return problem_; }
 
  private:
@@ -561,7 +579,7 @@ class Simulation {
     const double room =
         params_.packing.room(problem_.volume[i] - material_volume_[j], problem_.volume[i], share);
     problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * time_step_));
-    problem_.friction[i] = cone_friction<Dim>(friction(i, j, index));
+    problem_.friction[i] = friction(i);
   }
 
   /// Share of the volume of the node at x that obstacles and bodies leave to the material.
@@ -578,22 +596,93 @@ class Simulation {
     return node_in_solid<Dim>(Placed<Dim>{params_.bodies[b].shape, bodies_[b]}, x, grid_.spacing());
   }
 
-  double friction(std::size_t i, std::size_t j, const Index<Dim>& index) {
+  /// μ̃_i from the velocities and the stress that the problem has.
+  double friction(std::size_t i) {
+    const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
     if constexpr (RheologyT::rate_dependent) {
       const double rate = strain_rate(problem_, stencil_, i).norm() / material_volume_[j];
-      inertial_number_[j] = rheology_.inertial_number()(rate, pressure(index));
-    } else {
-      static_cast<void>(i);
-      static_cast<void>(index);
+      const double share = std::min(1.0, material_volume_[j] / problem_.volume[i]); // φ
+      double pressure = share / time_step_ * mean_from_normal<Dim>(problem_.stress[i][0]);
+      if (cohesion(i) > 0) // what presses the grains together
+        pressure += cohesion(i) / rheology_.friction(0);
+      inertial_number_[j] = rheology_.inertial_number()(rate, pressure);
     }
-    return rheology_.friction(inertial_number_[j]);
+    return cone_friction<Dim>(rheology_.friction(inertial_number_[j]));
   }
 
+  /// Takes μ_i from the velocities and stresses of the last solve. Returns false if they would not
+  /// change enough for another one.
+  bool update_friction(StepReport& report) {
+    move_apex(-1);
+    next_friction_.resize(problem_.cones());
+    double change2 = 0, sum2 = 0;
+    for (std::size_t i = 0; i < problem_.cones(); ++i) {
+      next_friction_[i] = friction(i);
+      const double pressure = problem_.stress[i][0];
+      const double by = (next_friction_[i] - problem_.friction[i]) * pressure;
+      const double yield = problem_.friction[i] * pressure;
+      change2 += by * by;
+      sum2 += yield * yield;
+    }
+    const double change = sum2 > 0 ? std::sqrt(change2 / sum2) : 0;
+    if (report.friction_updates == 1)
+      friction_share_ = 1;
+    else if (change > report.friction_change / 2) // too slow, or going back and forth
+      friction_share_ /= 2;
+    report.friction_change = change;
+    const bool update = !(change <= params_.friction_tolerance);
+    if (update) {
+      for (std::size_t i = 0; i < problem_.cones(); ++i)
+        problem_.friction[i] += friction_share_ * (next_friction_[i] - problem_.friction[i]);
+      ++report.friction_updates;
+    }
+    move_apex(1);
+    return update;
+  }
+
+  /// c_i, Pa: where the medium is dense.
+  double cohesion(std::size_t i) const {
+    if constexpr (Cohesive<RheologyT>)
+      return problem_.void_rate[i] <= 0 ? rheology_.cohesion() : 0;
+    static_cast<void>(i);
+    return 0;
+  }
+
+  /// Normal component of δt (c_i/μ_i) I, Pa s: how far the apex of the cone lies from no stress.
+  double apex(std::size_t i) const {
+    const double c = cohesion(i);
+    return c > 0 ? time_step_ * c / problem_.friction[i] : 0;
+  }
+
+  /// Cohesion: from λ to the λ' = λ + (c/μ) I that the cone law holds for, or back (sign: ±1). The
+  /// velocities stay, so the constant tension becomes a part of u_free.
+  void move_apex(double sign) {
+    if constexpr (Cohesive<RheologyT>)
+      for (std::size_t i = 0; i < problem_.cones(); ++i)
+        problem_.stress[i][0] += sign * apex(i);
+  }
+
+  /// Nodes where the rheology gave no finite μ ≥ 0, or no μ > 0 where there is cohesion.
   std::size_t count_invalid_friction() const {
     std::size_t count = 0;
-    for (const double mu : problem_.friction)
-      count += mu >= 0 && std::isfinite(mu) ? 0 : 1;
+    for (std::size_t i = 0; i < problem_.cones(); ++i) {
+      const double mu = problem_.friction[i];
+      count += std::isfinite(mu) && (cohesion(i) > 0 ? mu > 0 : mu >= 0) ? 0 : 1;
+    }
     return count;
+  }
+
+  /// Solves the dual problem, or says why not.
+  void solve(StepReport& report) {
+    report.invalid_friction = count_invalid_friction();
+    if (report.invalid_friction > 0) {
+      report.solve.status = SolveStatus::not_finite;
+      return;
+    }
+    const SolveReport before = report.solve;
+    report.solve = solver_.solve(problem_, workspace_, params_.threads);
+    report.solve.iterations += before.iterations;
+    report.solve.seconds += before.seconds;
   }
 
   void add_gravity() {
@@ -771,8 +860,11 @@ class Simulation {
 
   /// Keeps λ per node for the next step's warm start, and for output.
   void keep_stresses() {
-    for (std::size_t i = 0; i < problem_.cones(); ++i)
-      node_stress_[static_cast<std::size_t>(problem_.node[i])] = problem_.stress[i];
+    for (std::size_t i = 0; i < problem_.cones(); ++i) {
+      Vec<cone_size>& stress = node_stress_[static_cast<std::size_t>(problem_.node[i])];
+      stress = problem_.stress[i];
+      stress[0] -= apex(i);
+    }
   }
 
   /// What every face, obstacle and body feels: the impulses of its contacts, and on faces that
@@ -816,13 +908,16 @@ class Simulation {
       const Vec<Dim> before = velocity_before_[j].template head<Dim>();
       Vec<Dim> momentum = node_mass(j) * (before + time_step_ * params_.gravity);
       for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
-        const int cone = node_cone_[static_cast<std::size_t>(node + grid_.neighbour_offset(k))];
+        const std::size_t other = static_cast<std::size_t>(node + grid_.neighbour_offset(k));
+        const int cone = node_cone_[other];
         if (cone < 0)
           continue;
-        const std::size_t i = static_cast<std::size_t>(cone);
-        momentum += vector_to_symmetric<Dim, double>(problem_.stress[i]) *
-                    problem_.coupling[i].col(Grid<Dim>::neighbours - 1 - k);
+        momentum +=
+            vector_to_symmetric<Dim, double>(node_stress_[other]) *
+            problem_.coupling[static_cast<std::size_t>(cone)].col(Grid<Dim>::neighbours - 1 - k);
       }
+      if constexpr (Viscous<RheologyT>)
+        momentum += viscous_solver_.impulse(j);
       hold_held(node, momentum);
     }
     for (const Contact<Dim>& contact : problem_.contacts) {
@@ -928,6 +1023,9 @@ class Simulation {
   std::vector<BodyContact<Dim>> last_body_contacts_;
   DualProblem<Dim> problem_;
   typename SolverT::template Workspace<Dim> workspace_;
+  ViscousSolver<Dim> viscous_solver_;
+  std::vector<double> next_friction_; ///< μ̃, #cones
+  double friction_share_ = 1;         ///< of the way to next_friction_ that an update goes
 };
 
 // Not in the class, which would make it inline: extern templates (talus/precompiled.hpp) save

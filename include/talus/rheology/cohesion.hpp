@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/rheology/rheology.hpp"
+
+#include <concepts>
+#include <limits>
+
+namespace talus {
+
+/// A rheology with cohesion: `r.cohesion()` → c ≥ 0, Pa. The yield criterion is
+///   ‖Dev λ‖ ≤ μ p + c,   λ = −σ,  ‖τ‖ = sqrt(τ:τ/2),
+/// a cone whose apex lies at the tension −p = c/μ; flow and opening stay those of the cone law for
+/// λ' = λ + (c/μ) I. It acts where the medium is dense (see Packing): what has come apart is loose.
+/// For the Mohr–Coulomb constants in plane strain, μ = sin φ and c = c_MC cos φ.
+template <class R>
+concept Cohesive = Rheology<R> && requires(const R r) {
+  { r.cohesion() } -> std::convertible_to<double>;
+};
+
+/// Adds cohesion to a rheology. Its other parameters stand in `.law`.
+template <Rheology Law>
+class WithCohesion : public Law {
+ public:
+  struct Params {
+    typename Law::Params law{};
+    double cohesion = 0; ///< c, Pa; ≥ 0
+  };
+
+  /// Throws std::invalid_argument if a parameter is out of range, or if there is cohesion but no
+  /// friction: that cone has no apex.
+  explicit WithCohesion(const Params& params) : Law(params.law), cohesion_(params.cohesion) {
+    require_non_negative("rheology.cohesion", cohesion_);
+    for (const double I : {0.0, std::numeric_limits<double>::infinity()})
+      if (cohesion_ > 0 && !(this->friction(I) > 0))
+        throw_invalid("rheology.cohesion", cohesion_, "0 where there is no friction");
+  }
+
+  double cohesion() const { return cohesion_; }
+
+ private:
+  double cohesion_;
+};
+
+} // namespace talus

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/parallel.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/operator.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/rheology/viscosity.hpp"
+#include "talus/solver/solver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <vector>
+
+namespace talus {
+
+/// What the viscous part of a step did.
+struct [[nodiscard]] ViscousReport {
+  SolveStatus status = SolveStatus::converged;
+  int iterations = 0;
+  double residual = 0; ///< as Viscosity::tolerance measures it
+};
+
+/// Takes the viscous stress 2 η D implicitly: from the velocities u of a problem, all other
+/// impulses included, to u' with
+///   (M + δt K) u' = M u,   K u' = Σ_i (2 η / V_i) sym(Σ_k u'_k ⊗ g_ik) g_ij,
+/// V_i = Σ_p V_p N_i. The solver of the dual problem goes on from u'. As u contains the stresses of
+/// the last step, a steady flow is one of viscous and plastic stresses together, without an error
+/// of splitting.
+///
+/// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
+/// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that
+/// it leaves out, sqrt(Σ r²/m / Σ m), over the problem's velocity scale. These are put in at the
+/// end, so that u' − u is the effect of a stress and conserves momentum to rounding. The result
+/// does not depend on the number of threads.
+template <int Dim>
+class ViscousSolver {
+ public:
+  /// material_volume: V_i, #nodes, m^d; time_step: δt, s.
+  ViscousReport solve(DualProblem<Dim>& problem, const std::vector<double>& material_volume,
+                      const Viscosity& viscosity, double time_step, int threads) {
+    ViscousReport report;
+    if (viscosity.eta == 0)
+      return report;
+    const double factor = 2 * viscosity.eta * time_step;
+    start(problem, material_volume, factor, threads);
+    std::vector<Wide>& u = problem.velocity;
+
+    // r = −δt K u, z = D⁻¹ r, p = z
+    multiply(problem, material_volume, factor, u, threads);
+    Sums sums = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+      residual_[j] = -free(product_[j], inverse_mass);
+      direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
+      return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
+                  inverse_mass.maxCoeff() > 0 ? 1 / inverse_mass.maxCoeff() : 0};
+    });
+    const double scale2 =
+        sums.left_out + problem.velocity_scale * problem.velocity_scale * sums.mass;
+    for (;; ++report.iterations) {
+      report.residual = sums.left_out > 0 ? std::sqrt(sums.left_out / scale2) : sums.left_out;
+      if (!std::isfinite(report.residual))
+        report.status = SolveStatus::not_finite;
+      else if (report.residual <= viscosity.tolerance)
+        report.status = SolveStatus::converged;
+      else
+        report.status = SolveStatus::not_converged;
+      if (report.status != SolveStatus::not_converged ||
+          report.iterations == viscosity.max_iterations)
+        break;
+      multiply(problem, material_volume, factor, direction_, threads);
+      const double energy = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+                              product_[j] = free(product_[j], inverse_mass) +
+                                            direction_[j].cwiseProduct(mass(inverse_mass));
+                              return Sums{direction_[j].dot(product_[j]), 0, 0};
+                            }).product;
+      const double step = sums.product / energy, last = sums.product;
+      sums = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+        u[j] += step * direction_[j];
+        residual_[j] -= step * product_[j];
+        const Wide z = residual_[j].cwiseProduct(inverse_diagonal_[j]);
+        return Sums{residual_[j].dot(z), squared_velocity(residual_[j], inverse_mass), 0};
+      });
+      const double keep = sums.product / last;
+      for_each(problem, threads, [&](std::size_t j) {
+        direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
+      });
+    }
+    for_each(problem, threads,
+             [&](std::size_t j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
+    return report;
+  }
+
+ private:
+  using Wide = NodeVec<Dim>;
+
+  struct Sums {
+    double product = 0;  ///< r · z, or p · A p
+    double left_out = 0; ///< Σ r²/m
+    double mass = 0;     ///< Σ m
+  };
+
+  /// Only the components that may change.
+  static Wide free(const Wide& value, const Wide& inverse_mass) {
+    return (inverse_mass.array() > 0).select(value, Wide::Zero());
+  }
+  static Wide mass(const Wide& inverse_mass) {
+    return (inverse_mass.array() > 0).select(inverse_mass.cwiseInverse(), Wide::Zero());
+  }
+  static double squared_velocity(const Wide& r, const Wide& inverse_mass) {
+    return r.cwiseAbs2().dot(inverse_mass);
+  }
+
+  template <class Body>
+  static void for_each(const DualProblem<Dim>& problem, int threads, const Body& body) {
+    parallel_chunks(threads, static_cast<std::ptrdiff_t>(problem.cones()), 256,
+                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                      for (std::ptrdiff_t i = begin; i < end; ++i)
+                        body(static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]));
+                    });
+  }
+
+  /// Σ of term(node, inverse mass) over the nodes that carry a cone.
+  template <class Term>
+  Sums sum(const DualProblem<Dim>& problem, int threads, const Term& term) {
+    return parallel_reduce(
+        threads, static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
+        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          Sums total;
+          for (std::ptrdiff_t i = begin; i < end; ++i) {
+            const std::size_t j =
+                static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]);
+            total = join(total, term(j, problem.inverse_mass[j]));
+          }
+          return total;
+        },
+        join);
+  }
+  static Sums join(const Sums& a, const Sums& b) {
+    return {a.product + b.product, a.left_out + b.left_out, a.mass + b.mass};
+  }
+
+  /// Calls visit(cone) for all cones; those that share a neighbour never at once.
+  template <class Visit>
+  static void for_each_cone(const DualProblem<Dim>& problem, int threads, const Visit& visit) {
+    for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
+      const std::size_t first = problem.colour_begin[colour];
+      const std::size_t count = problem.colour_begin[colour + 1] - first;
+      parallel_for(threads, static_cast<std::ptrdiff_t>(count), [&](std::ptrdiff_t b) {
+        const Block& block = problem.blocks[first + static_cast<std::size_t>(b)];
+        for (std::size_t i = block.cone_begin; i < block.cone_end; ++i)
+          visit(i);
+      });
+    }
+  }
+
+  /// The inverse of the diagonal of M + δt K; sizes the workspace.
+  void start(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
+             double factor, int threads) {
+    const std::size_t nodes = problem.velocity.size();
+    stencil_ = Stencil<Dim>(problem.grid);
+    product_.resize(nodes);
+    residual_.resize(nodes);
+    direction_.assign(nodes, Wide::Zero());
+    inverse_diagonal_.assign(nodes, Wide::Zero());
+    for_each_cone(problem, threads, [&](std::size_t i) {
+      const int node = problem.node[i];
+      const double weight = factor / material_volume[static_cast<std::size_t>(node)];
+      for (int r = 0; r < Stencil<Dim>::rows; ++r)
+        for (int k = 0; k < 3; ++k) {
+          // e_a · sym(e_a ⊗ g) g = (|g|² + g_a²)/2
+          const Vec<Dim> g = problem.coupling[i].col(3 * r + k);
+          inverse_diagonal_[static_cast<std::size_t>(node + stencil_.row(r) + k)]
+              .template head<Dim>()
+              .array() += weight / 2 * (g.squaredNorm() + g.array().square());
+        }
+    });
+    for_each(problem, threads, [&](std::size_t j) {
+      const Wide& inverse_mass = problem.inverse_mass[j];
+      inverse_diagonal_[j] =
+          free((inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse(), inverse_mass);
+    });
+  }
+
+  /// product_ = δt K v.
+  void multiply(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
+                double factor, const std::vector<Wide>& v, int threads) {
+    std::fill(product_.begin(), product_.end(), Wide::Zero());
+    for_each_cone(problem, threads, [&](std::size_t i) {
+      const std::size_t node = static_cast<std::size_t>(problem.node[i]);
+      const Coupling<Dim>& g = problem.coupling[i];
+      const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);
+      const Mat<Dim> square = gradient.template topRows<Dim>();
+      const Mat<Dim> stress = factor / (2 * material_volume[node]) * (square + square.transpose());
+      Wide* force = product_.data() + node;
+      for (int r = 0; r < Stencil<Dim>::rows; ++r)
+        for (int k = 0; k < 3; ++k)
+          force[stencil_.row(r) + k].template head<Dim>() += stress * g.col(3 * r + k);
+    });
+  }
+
+  Stencil<Dim> stencil_;
+  std::vector<Wide> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
+  std::vector<Sums> partials_;
+};
+
+} // namespace talus

@@ -1,0 +1,373 @@
+// SPDX-License-Identifier: MIT
+// Cohesion, a Newtonian part and mu(I) against what can be derived; all of one type.
+
+#include "scenes.hpp"
+
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/profile.hpp"
+#include "talus/rheology/cohesion.hpp"
+#include "talus/rheology/laws.hpp"
+#include "talus/rheology/viscosity.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+using namespace talus;
+
+namespace {
+
+template <int Dim>
+using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, Apic, GaussSeidel<>>;
+
+constexpr double density = 1500, g = 9.81; // kg/m³, m/s²
+
+/// A box of square cells, all faces free but the floor, which sticks. mu: constant.
+template <int Dim>
+typename Sim<Dim>::Params box(double cell, const Index<Dim>& cells, double mu) {
+  typename Sim<Dim>::Params params;
+  params.grid.cells = cells;
+  for (int a = 0; a < Dim; ++a)
+    params.grid.size[a] = cell * cells[a];
+  params.material.density = density;
+  params.time_step = 1e-3;
+  params.rheology.law.law = {.law = {.mu_static = mu, .mu_limit = mu},
+                             .inertial = {.grain_diameter = 1e-3, .density = density}};
+  for (auto& face : params.faces.lower)
+    face.kind = FaceKind::free;
+  for (auto& face : params.faces.upper)
+    face.kind = FaceKind::free;
+  params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
+  return params;
+}
+
+template <int Dim>
+Particles<Dim> block(const typename Sim<Dim>::Params& params, const Vec<Dim>& lower,
+                     const Vec<Dim>& upper) {
+  Particles<Dim> particles;
+  fill_box(particles, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2, .jitter = 0});
+  return particles;
+}
+
+void incline(Sim<2>::Params& params, double angle_deg) {
+  const double angle = angle_deg * std::numbers::pi / 180;
+  params.gravity = {g * std::sin(angle), -g * std::cos(angle)};
+}
+
+/// How far particles have moved on average, m. start: by id.
+double mean_displacement(const Sim<2>& sim, const std::vector<Vec<2>>& start) {
+  double sum = 0;
+  for (std::size_t p = 0; p < start.size(); ++p)
+    sum += (sim.particles().position[p] - start[sim.particles().id[p]]).norm();
+  return sum / static_cast<double>(start.size());
+}
+
+/// Mean displacement of a vertical cut of height H after 4 sqrt(H/g), over H. load: rho g H / c.
+double movement_of_cut(double mu, double load) {
+  const double height = 0.2, h = height / 12;
+  auto params = box<2>(h, {30, 15}, mu);
+  params.faces.lower[0].kind = FaceKind::slip;
+  params.gravity = {0, -g};
+  params.rheology.law.cohesion = density * g * height / load;
+  params.solver.max_sweeps = 300; // falling need not be exact
+  const auto particles = block<2>(params, {0, 0}, {1.25 * height, height});
+  Sim<2> sim(params, particles);
+  while (sim.time() < 4 * std::sqrt(height / g))
+    CHECK(sim.step().completed());
+  return mean_displacement(sim, particles.position) / height;
+}
+
+/// A strand of length l that hangs from the top face. load: rho g l (1 + mu)/(2 c).
+Sim<2> strand(double load) {
+  const double h = 0.01, length = 0.16, mu = 0.4;
+  auto params = box<2>(h, {20, 24}, mu);
+  params.faces.lower[1].kind = FaceKind::free;
+  params.faces.upper[1].kind = FaceKind::stick;
+  params.gravity = {0, -g};
+  params.rheology.law.cohesion = density * g * length * (1 + mu) / (2 * load);
+  return Sim<2>(params, block<2>(params, {0.05, 0.24 - length}, {0.15, 0.24}));
+}
+
+/// A layer of depth H on a rough slope, at rest, in a box so long that what happens at its ends
+/// does not reach the middle before the flow is steady there. cells: per H.
+Sim<2>::Params layer(int cells, double length_over_height, double height, double angle_deg) {
+  auto params =
+      box<2>(height / cells, {static_cast<int>(length_over_height * cells), cells + 2}, 0);
+  params.faces.lower[0].kind = FaceKind::slip;
+  incline(params, angle_deg);
+  return params;
+}
+
+/// Largest difference between the velocities in the middle and exact(z), over that at the surface.
+template <class Exact>
+double deviation(const Sim<2>& sim, int cells, const Exact& exact) {
+  const double h = sim.grid().spacing()[1];
+  double worst = 0;
+  for (int k = 0; k <= cells; ++k)
+    worst = std::max(worst, std::abs(sim.velocity({sim.grid().cells(0) / 2, k})[0] - exact(k * h)));
+  return worst / exact(cells * h);
+}
+
+/// A free block with u_x = U cos(π z/H): decays as exp(−η (π/H)² t/ρ).
+template <int Dim>
+void shear_wave() {
+  const double height = 0.16, eta = 40, speed = 1e-3;
+  Index<Dim> cells;
+  cells[0] = 68;
+  cells[1] = 1; // across, in 3-D
+  cells[up_axis<Dim>] = 20;
+  auto params = box<Dim>(0.01, cells, 0);
+  params.faces = {};
+  params.time_step = 2e-3;
+  params.rheology.viscosity = {.eta = eta, .tolerance = 1e-8};
+  Vec<Dim> lower = params.grid.origin, upper = params.grid.origin + params.grid.size;
+  lower[0] += 0.02;
+  upper[0] -= 0.02;
+  lower[up_axis<Dim>] += 0.02;
+  upper[up_axis<Dim>] -= 0.02;
+  auto particles = block<Dim>(params, lower, upper);
+  const auto wave = [&](double z) {
+    return speed * std::cos(std::numbers::pi * (z - 0.02) / height);
+  };
+  for (std::size_t p = 0; p < particles.size(); ++p) { // the grid's field, linear between nodes
+    const double z = particles.position[p][up_axis<Dim>], low = 0.01 * std::floor(z / 0.01);
+    const double slope = (wave(low + 0.01) - wave(low)) / 0.01;
+    particles.velocity[p][0] = 0.3 * speed + wave(low) + slope * (z - low);
+    particles.affine[p](0, up_axis<Dim>) = slope;
+  }
+  Sim<Dim> sim(params, particles);
+  const auto momentum = scenes::mean_velocity(sim);
+  const double k = std::numbers::pi / height, rate = eta * k * k / density;
+  for (int n = 0; n < 50; ++n) {
+    const StepReport report = sim.step();
+    CHECK(report.viscous.status == SolveStatus::converged);
+    CHECK(report.viscous.iterations > 0);
+    CHECK(report.viscous.residual <= 1e-8);
+    const Vec<Dim> change = scenes::mean_velocity(sim) - momentum;
+    CHECK(std::abs(change[0]) < 1e-15);
+    CHECK(std::abs(change[up_axis<Dim>]) < 1e-15);
+  }
+  double product = 0, square = 0;
+  for (int z = 2; z <= 18; ++z) {
+    Index<Dim> node;
+    node[0] = 34;
+    node[up_axis<Dim>] = z;
+    const double weight = wave(0.01 * z) * (z == 2 || z == 18 ? 0.5 : 1);
+    product += weight * (sim.velocity(node)[0] - momentum[0]);
+    square += weight * wave(0.01 * z);
+  }
+  CHECK(rate * sim.time() > 0.9);
+  CHECK(std::log(square / product) == doctest::Approx(rate * sim.time()).epsilon(0.03));
+}
+
+} // namespace
+
+TEST_CASE("a cohesive cut stands up to about its critical height and falls above it") {
+  // A plane through the toe on which tau = c + mu sigma: rho g H_c/c = 4 tan(45° + atan(mu)/2).
+  // Without dilatancy D is a shear along the plane, so ||Dev|| and p are the plane's tau and sigma.
+  for (const double mu : {0.2, 0.44, 0.7}) {
+    const double critical = 4 * std::tan(std::numbers::pi / 4 + std::atan(mu) / 2);
+    INFO("mu ", mu);
+    CHECK(movement_of_cut(mu, 0.75 * critical) < 2e-3);
+    CHECK(movement_of_cut(mu, 1.3 * critical) > 0.02);
+  }
+}
+
+TEST_CASE("a cohesive strand carries its weight up to the strength 2 c/(1 + mu)") {
+  // Uniaxial tension s: p = −s/2, ||Dev|| = s/2, so s/2 = −mu s/2 + c at yield.
+  auto holds = strand(0.8), breaks = strand(1.2);
+  const auto held = holds.particles().position, broken = breaks.particles().position;
+  while (holds.time() < 0.3) {
+    CHECK(holds.step().completed());
+    CHECK(breaks.step().completed());
+  }
+  CHECK(mean_displacement(holds, held) < 3e-4);
+  CHECK(mean_displacement(breaks, broken) > 0.01);
+  // the stress that is put out is the true one: over a section it is the weight below
+  for (const int k : {10, 14, 18}) {
+    double force = 0;
+    for (int i = 5; i <= 15; ++i)
+      force += 0.01 * (i == 5 || i == 15 ? 0.5 : 1) * holds.stress({i, k})(1, 1);
+    CHECK(force == doctest::Approx(-density * g * 0.1 * (0.01 * k - 0.08)).epsilon(0.03));
+  }
+}
+
+TEST_CASE("a cohesive blob holds together, moves on as it did, and is at rest if it was") {
+  for (const double speed : {0.0, 0.1}) {
+    auto params = box<2>(0.01, {40, 40}, 0.4);
+    params.rheology.law.cohesion = 100;
+    auto particles = block<2>(params, {0.12, 0.12}, {0.28, 0.28});
+    const auto start = particles.position;
+    for (std::size_t p = 0; p < particles.size(); ++p) // drawn apart, and on its way
+      particles.velocity[p] =
+          speed * (particles.position[p] - Vec<2>(0.2, 0.2)) + Vec<2>(speed, speed / 2);
+    Sim<2> sim(params, particles);
+    const Vec<2> momentum = scenes::mean_velocity(sim);
+    for (int n = 0; n < 300; ++n) {
+      CHECK(sim.step().solve.status == SolveStatus::converged);
+      CHECK((scenes::mean_velocity(sim) - momentum).norm() <= 1e-13 * speed);
+    }
+    double strain = 0; // of the distances from the middle
+    for (std::size_t p = 0; p < particles.size(); ++p) {
+      const Vec<2> from = start[sim.particles().id[p]] - Vec<2>(0.2, 0.2);
+      const Vec<2> to = sim.particles().position[p] - Vec<2>(0.2, 0.2) - sim.time() * momentum;
+      strain = std::max(strain, (to - from).norm() / 0.08);
+    }
+    if (speed == 0)
+      CHECK(strain == 0);
+    CHECK(strain < 0.01); // freely it would be 0.03
+  }
+}
+
+TEST_CASE("a viscous layer on a rough slope: u = rho g sin(theta) (H z − z²/2)/eta") {
+  const double height = 0.1, eta = density * std::sqrt(g * height) * height;
+  const int cells = 10;
+  auto params = layer(cells, 16, height, 20);
+  params.rheology.viscosity.eta = eta;
+  Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
+  while (sim.time() < 3 * std::sqrt(height / g)) {
+    const StepReport report = sim.step();
+    CHECK(report.solve.status == SolveStatus::converged);
+    CHECK(report.viscous.status == SolveStatus::converged);
+  }
+  CHECK(deviation(sim, cells, [&](double z) {
+          return density * params.gravity[0] / eta * (height * z - z * z / 2);
+        }) < 0.02);
+}
+
+TEST_CASE("a shear wave decays by viscosity and keeps its momentum") {
+  shear_wave<2>();
+  shear_wave<3>();
+}
+
+TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
+  // tan(theta) = mu(I) gives one I at all depths; I = d f ||D||/sqrt(p/rho), ||D|| = u'/2 and
+  // p = rho g cos(theta) (H − z) give
+  //   u(z) = (4/(3 f)) (I/d) sqrt(g cos(theta)) (H^{3/2} − (H − z)^{3/2}).
+  const double height = 0.1, factor = 2, diameter = 2 * height; // large: soon steady
+  const int cells = 8;
+  auto params = layer(cells, 36, height, 26);
+  params.rheology.law.law = {
+      .law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
+      .inertial = {.grain_diameter = diameter, .density = density, .strain_factor = factor}};
+  params.time_step = 1.25e-3;
+  const double slope = std::tan(26 * std::numbers::pi / 180);
+  const double I = 0.279 * (slope - 0.38) / (0.64 - slope);
+  Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
+  while (sim.time() < 5 * std::sqrt(height / g))
+    CHECK(sim.step().completed());
+  CHECK(deviation(sim, cells, [&](double z) {
+          return 4 / (3 * factor) * I / diameter * std::sqrt(-params.gravity[1]) *
+                 (std::pow(height, 1.5) - std::pow(height - std::min(z, height), 1.5));
+        }) < 0.03);
+}
+
+TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {
+  for (const int updates : {1, 50}) {
+    auto params = layer(8, 6, 0.1, 26);
+    params.rheology.law.law = {.law = {}, .inertial = {.grain_diameter = 0.05, .density = density}};
+    params.friction_updates = updates;
+    params.friction_tolerance = 1e-4;
+    Sim<2> sim(params, block<2>(params, {0, 0}, {0.4, 0.1}));
+    StepReport report;
+    int most = 0;
+    for (int n = 0; n < 15; ++n) {
+      report = sim.step();
+      CHECK(report.solve.status == SolveStatus::converged);
+      most = std::max(most, report.friction_updates);
+    }
+    // mu(I) of what was found against the mu that it was found with
+    const InertialNumber inertial = params.rheology.law.law.inertial;
+    const MuOfICurve law;
+    double change2 = 0, sum2 = 0;
+    const Stencil<2> stencil(sim.grid());
+    for (std::size_t i = 0; i < sim.problem().cones(); ++i) {
+      const Index<2> node = sim.grid().node_index(sim.problem().node[i]);
+      const double volume = sim.volume_fraction(node) * sim.problem().volume[i];
+      const double rate = strain_rate(sim.problem(), stencil, i).norm() / volume;
+      const double mu = law(inertial(rate, sim.pressure(node)));
+      const double pressure = sim.problem().stress[i][0];
+      change2 += std::pow((mu - sim.problem().friction[i]) * pressure, 2);
+      sum2 += std::pow(mu * pressure, 2);
+    }
+    const double change = std::sqrt(change2 / sum2);
+    if (updates == 1) {
+      CHECK(report.friction_updates == 1);
+      CHECK(report.friction_change == 0);
+      CHECK(change > 1e-3);
+    } else {
+      CHECK(most > 2);
+      CHECK(most < updates);
+      CHECK(report.friction_change <= 1e-4);
+      CHECK(change < 1.1e-4);
+    }
+  }
+}
+
+TEST_CASE("the same bits with any number of threads, viscous, cohesive and updated in the step") {
+  std::string first;
+  for (const int threads : {1, 3}) {
+    auto params = layer(8, 6, 0.1, 26);
+    params.rheology = {
+        .law = {.law = {.inertial = {.grain_diameter = 0.01, .density = density}}, .cohesion = 20},
+        .viscosity = {.eta = 2}};
+    params.friction_updates = 3;
+    params.threads = threads;
+    Sim<2> sim(params, block<2>(params, {0, 0}, {0.4, 0.1}));
+    for (int n = 0; n < 6; ++n)
+      CHECK(sim.step().completed());
+    if (first.empty())
+      first = state_checksum(sim.particles());
+    CHECK(state_checksum(sim.particles()) == first);
+  }
+}
+
+TEST_CASE("what is added to a rheology refuses nonsense by name and value") {
+  const auto message = [](const Sim<2>::Params& params) -> std::string {
+    try {
+      Sim<2> sim(params, block<2>(params, {0, 0}, {0.1, 0.1}));
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto good = box<2>(0.01, {20, 20}, 0.4);
+  CHECK(message(good).empty());
+  auto bad = good;
+  bad.rheology.law.cohesion = -1;
+  CHECK(message(bad) == "rheology.cohesion is -1; allowed: a finite number >= 0");
+  bad = box<2>(0.01, {20, 20}, 0);
+  CHECK(message(bad).empty());
+  bad.rheology.law.cohesion = 5;
+  CHECK(message(bad) == "rheology.cohesion is 5; allowed: 0 where there is no friction");
+  bad = good;
+  bad.rheology.viscosity.eta = -2;
+  CHECK(message(bad) == "rheology.viscosity.eta is -2; allowed: a finite number >= 0");
+  bad = good;
+  bad.rheology.viscosity.tolerance = 0;
+  CHECK(message(bad) == "rheology.viscosity.tolerance is 0; allowed: a finite number > 0");
+  bad = good;
+  bad.rheology.viscosity.max_iterations = 0;
+  CHECK(message(bad) == "rheology.viscosity.max_iterations is 0; allowed: an integer >= 1");
+  bad = good;
+  bad.friction_updates = 0;
+  CHECK(message(bad) == "friction_updates is 0; allowed: an integer >= 1");
+  bad = good;
+  bad.friction_tolerance = std::nan("");
+  CHECK(message(bad) == "friction_tolerance is nan; allowed: a finite number > 0");
+}
+
+TEST_CASE("too few viscous iterations are reported") {
+  auto params = box<2>(0.01, {20, 20}, 0.4);
+  params.gravity = {1, -g};
+  params.rheology.viscosity = {.eta = 1e3, .tolerance = 1e-10, .max_iterations = 3};
+  Sim<2> sim(params, block<2>(params, {0, 0}, {0.1, 0.1}));
+  const StepReport report = sim.step();
+  CHECK(report.completed());
+  CHECK(report.viscous.status == SolveStatus::not_converged);
+  CHECK(report.viscous.iterations == 3);
+  CHECK(report.viscous.residual > 1e-10);
+}
