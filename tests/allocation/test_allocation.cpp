@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: MIT
 // A warm step takes no memory. In a program of its own, as it replaces operator new.
 
+#include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/laws.hpp"
+#include "talus/rheology/viscosity.hpp"
 #include "talus/scene/collapse.hpp"
 #include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
@@ -22,9 +24,14 @@ namespace {
 
 template <int Dim>
 std::size_t allocations_of_a_warm_step(int threads) {
-  using Sim = Simulation<Dim, ConstantFriction, Apic, GaussSeidel<>>;
+  using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, Apic, GaussSeidel<>>;
   CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim>(setup, Vec<3>(0.04, 0.02, 0.02), 1.66e-3);
+  params.rheology = {
+      .law = {.law = {.law = {}, .inertial = {.grain_diameter = 5e-4, .density = 1470}},
+              .cohesion = 5},
+      .viscosity = {.eta = 0.1}};
+  params.friction_updates = 3;
   params.threads = threads;
   Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 3}));
   for (int i = 0; i < 30; ++i)

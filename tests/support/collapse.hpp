@@ -20,7 +20,8 @@ inline talus::CollapseSetup b15() {
   return setup;
 }
 
-/// Beads in that set-up. cell: along, across and up, m; time_step: s.
+/// Beads in that set-up, with the rheology's default parameters. cell: along, across and up, m;
+/// time_step: s.
 template <class Sim>
 typename Sim::Params collapse_params(const talus::CollapseSetup& setup, const talus::Vec<3>& cell,
                                      double time_step) {
@@ -30,7 +31,6 @@ typename Sim::Params collapse_params(const talus::CollapseSetup& setup, const ta
   params.material.density = 1470;
   params.gravity = setup.gravity_vector<dim>();
   params.time_step = time_step;
-  params.rheology.mu = 0.44;
   params.faces = setup.faces<dim>();
   params.obstacles.push_back(setup.make_gate<dim>());
   return params;

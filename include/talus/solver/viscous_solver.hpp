@@ -86,9 +86,18 @@ class ViscousSolver {
         direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
       });
     }
+    multiply(problem, material_volume, factor, u, threads);
     for_each(problem, threads,
              [&](std::size_t j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     return report;
+  }
+
+  /// What the viscous stress of the last solve gave to a node, −δt K u', N s (per metre in 2-D): to
+  /// what holds it, if it is held.
+  Vec<Dim> impulse(std::size_t node) const {
+    if (product_.empty())
+      return Vec<Dim>::Zero();
+    return -product_[node].template head<Dim>();
   }
 
  private:
