@@ -54,6 +54,7 @@ struct Options {
   std::uint64_t seed = 1;
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
+  int friction_updates = 1;
   double momentum = talus::GaussSeidel<>::Params{}.momentum;
   double cfl = 0;
   talus::Packing packing;
@@ -165,6 +166,7 @@ int run(const Options& options, const Case& collapse) {
     params.obstacles.push_back(gate);
   params.rheology = support::rheology_params(options.policies, collapse.material, options.friction,
                                              options.preset == "repository");
+  params.friction_updates = options.friction_updates;
   params.transfer = support::transfer_params(options.policies);
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
@@ -195,6 +197,7 @@ int run(const Options& options, const Case& collapse) {
                        {"resolution", options.cell.empty() ? options.resolution : "custom"},
                        {"dimension", Dim},
                        {"rheology", options.policies.rheology},
+                       {"friction_updates", options.friction_updates},
                        {"friction", options.friction ? json(*options.friction) : json(nullptr)},
                        {"transfer", options.policies.transfer},
                        {"solver", options.solver},
@@ -371,6 +374,10 @@ int main(int argc, char** argv) {
                  "Solver: relative residual at which a step is solved")
       ->capture_default_str();
   app.add_option("--max-sweeps", options.max_sweeps, "Solver: most sweeps in a step")
+      ->capture_default_str();
+  app.add_option("--friction-updates", options.friction_updates,
+                 "Most times that a step takes the friction from the law, for laws of the inertial "
+                 "number; 1: from the last step, as the paper")
       ->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack,
                  "Share of its volume by which a node may miss dense and count as dense")

@@ -258,10 +258,12 @@ TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
   Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
   while (sim.time() < 5 * std::sqrt(height / g))
     CHECK(sim.step().completed());
-  CHECK(deviation(sim, cells, [&](double z) {
-          return 4 / (3 * factor) * I / diameter * std::sqrt(-params.gravity[1]) *
-                 (std::pow(height, 1.5) - std::pow(height - std::min(z, height), 1.5));
-        }) < 0.03);
+  const double deviates = deviation(sim, cells, [&](double z) {
+    return 4 / (3 * factor) * I / diameter * std::sqrt(-params.gravity[1]) *
+           (std::pow(height, 1.5) - std::pow(height - std::min(z, height), 1.5));
+  });
+  MESSAGE("Bagnold's profile: largest deviation over the surface velocity ", deviates);
+  CHECK(deviates < 0.03);
 }
 
 TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {
