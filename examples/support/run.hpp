@@ -19,6 +19,7 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <fstream>
 #include <functional>
 #include <list>
 #include <optional>
@@ -134,6 +135,12 @@ class Run {
 
   /// Was the run finished before, and --resume asks for no more?
   bool finished() const { return finished_; }
+
+  /// summary.json of a finished run.
+  json summary() const {
+    std::ifstream file(summary_file());
+    return json::parse(file);
+  }
 
   /// A table in the run's folder; after a resume it goes on.
   talus::CsvWriter& table(const std::string& file, const std::vector<std::string>& columns) {

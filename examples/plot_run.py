@@ -1,0 +1,164 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: MIT
+"""Draws a run of one of the short programs: the flow at a few times, and curves.
+
+usage: plot_run.py DIR
+
+Reads DIR/summary.json and, if it is there, DIR/sections.csv; writes DIR/PROGRAM.png. In the summary,
+"picture" may hold a "title", "facts" (a list of texts), "outlines" (polygons of rigid things in the
+section, each a list of [x, z] in m), "panels": lists of curves, each with "kind" (line, dashed or
+points), "label", "x" and "y", on axes labelled "x" and "y", logarithmic if "log" is true.
+Exits with 1 and a message if something is missing or cannot be used.
+"""
+import json
+import math
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.colors
+import matplotlib.patches
+import matplotlib.ticker
+import matplotlib.pyplot as plt
+import numpy as np
+
+from plotting import SPEED, at_time, choose_times, read_table, round_ticks, section_image
+
+COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
+WIDTH = 12.0  # inches, at 100 dots each
+LEFT, RIGHT, GAP = 0.9, 1.25, 0.75
+
+
+class Picture:
+    """One figure, filled from the top with axes placed in inches."""
+
+    def __init__(self, directory):
+        with open(directory / "summary.json") as file:
+            self.summary = json.load(file)
+        self.picture = self.summary.get("picture", {})
+        self.images = []
+        if (directory / "sections.csv").is_file():
+            table = read_table(directory / "sections.csv",
+                               ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"])
+            times = choose_times(np.unique(table["time_s"]), None, 4)
+            self.images = [(t, section_image(at_time(table, t))) for t in times]
+
+    def axes(self, left, top, width, height):
+        return self.figure.add_axes([left / WIDTH, 1 - (top + height) / self.height,
+                                     width / WIDTH, height / self.height])
+
+    def snapshot_size(self):
+        """Columns of the array of snapshots, and width and height of one, inches."""
+        _, (x, z, _) = self.images[0]
+        ratio = (z[-1] - z[0]) / (x[-1] - x[0])
+        room = WIDTH - LEFT - RIGHT
+        columns = 1 if ratio < 0.35 else 2 if ratio < 1 else 4
+        columns = min(columns, len(self.images))
+        width = (room - GAP * (columns - 1)) / columns
+        if ratio * width > 5:
+            width = 5 / ratio
+        return columns, width, ratio * width
+
+    def snapshots(self, top):
+        columns, width, height = self.snapshot_size()
+        rows = math.ceil(len(self.images) / columns)
+        speeds = np.concatenate([image[2].compressed() for _, image in self.images])
+        fastest = max(np.percentile(speeds, 99.8) if speeds.size else 0, 1e-3)
+        # A square-root scale: slow creep shows, too.
+        norm = matplotlib.colors.PowerNorm(0.5, vmin=0, vmax=fastest, clip=True)
+        for k, (time, (x, z, speed)) in enumerate(self.images):
+            row, column = divmod(k, columns)
+            axes = self.axes(LEFT + column * (width + GAP), top + row * (height + 0.6), width, height)
+            mesh = axes.pcolormesh(x, z, speed, norm=norm, cmap=SPEED, shading="nearest",
+                                   rasterized=True)
+            axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5], colors="black",
+                         linewidths=1)
+            for outline in self.picture.get("outlines", []):
+                axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
+            axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal")
+            axes.set_title(f"t = {time:.2f} s", fontsize=12)
+            axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(4))
+            axes.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5))
+            axes.tick_params(labelleft=column == 0)
+            if column == 0:
+                axes.set_ylabel("z (m)")
+            if k + columns >= len(self.images):
+                axes.set_xlabel("x (m)")
+            else:
+                axes.tick_params(labelbottom=False)
+        right = LEFT + columns * (width + GAP) - GAP
+        bar = self.figure.colorbar(mesh, extend="max",
+                                   cax=self.axes(right + 0.2, top, 0.18, min(height, 3.5)))
+        bar.set_label("speed (m/s)")
+        bar.set_ticks(round_ticks(fastest))
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.minorticks_off()
+
+    def panel(self, axes, panel):
+        styles = {"line": {"ls": "-", "lw": 2}, "dashed": {"ls": "--", "lw": 1.6},
+                  "points": {"ls": "none", "marker": "o", "ms": 7}}
+        for curve, colour in zip(panel["curves"], COLOURS):
+            axes.plot(curve["x"], curve["y"], color=colour, label=curve["label"],
+                      **styles[curve["kind"]])
+        if panel.get("log"):
+            axes.set(xscale="log", yscale="log")
+            for axis in (axes.xaxis, axes.yaxis):
+                axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+                axis.set_major_formatter("{x:g}")
+                axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
+        else:
+            axes.set(ylim=(min(0, axes.get_ylim()[0]), None))
+        axes.set(xlabel=panel["x"], ylabel=panel["y"])
+        axes.grid(color="0.9")
+        axes.set_axisbelow(True)
+        axes.legend(frameon=False)
+
+    def draw(self):
+        panels = self.picture.get("panels", [])
+        top, panel_height = 1.25, 3.4
+        below = top
+        if self.images:
+            columns, _, height = self.snapshot_size()
+            below += math.ceil(len(self.images) / columns) * (height + 0.6) + 0.5
+        rows = math.ceil(len(panels) / 2)
+        self.height = below + rows * (panel_height + 0.8) + (0.15 if rows else 0)
+        self.figure = plt.figure(figsize=(WIDTH, self.height))
+        self.figure.text(0.5, 1 - 0.35 / self.height,
+                         self.picture.get("title", self.summary["program"]), ha="center",
+                         va="center", fontsize=17, weight="bold")
+        self.figure.text(0.5, 1 - 0.70 / self.height,
+                         "   ·   ".join(self.picture.get("facts", [])), ha="center", va="center",
+                         fontsize=12)
+        if self.images:
+            self.snapshots(top)
+        for k, panel in enumerate(panels):
+            row, column = divmod(k, 2)
+            alone = len(panels) == 1
+            width = (WIDTH - LEFT - 0.4 - (0 if alone else 1.0)) / (1 if alone else 2)
+            self.panel(self.axes(LEFT + column * (width + 1.0), below + row * (panel_height + 0.8),
+                                 width, panel_height), panel)
+        return self.figure
+
+
+def main():
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        sys.exit(__doc__)
+    directory = pathlib.Path(sys.argv[1])
+    plt.rcParams.update({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False})
+    try:
+        picture = Picture(directory)
+        file = directory / (picture.summary["program"] + ".png")
+        picture.draw().savefig(file, dpi=100)
+    except OSError as error:
+        sys.exit(f"plot_run.py: {error.filename}: {error.strerror}")
+    except KeyError as error:
+        sys.exit(f"plot_run.py: {directory / 'summary.json'}: no entry {error}")
+    except ValueError as error:
+        sys.exit(f"plot_run.py: {error}")
+    print(file)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "command_line.hpp"
+#include "run.hpp"
+
+#include "talus/boundary/faces.hpp"
+#include "talus/core/types.hpp"
+#include "talus/rheology/laws.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/simulation.hpp"
+#include "talus/solver/gauss_seidel.hpp"
+#include "talus/transfer/schemes.hpp"
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+
+/// \file
+/// Options of the programs that show one scene each, and the simulation that goes with them.
+
+namespace support {
+
+/// The simulation of these programs: one law, one solver, so that they compile fast.
+template <int Dim>
+using SceneSimulation =
+    talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+
+/// What `options` holds when they are added is the default.
+struct SceneOptions {
+  int dimension = 2;
+  double cell = 0.01; ///< m
+  double friction = 0.44, wall_friction = 0.23;
+  double density = 1500;           ///< kg/m³
+  std::optional<double> time_step; ///< s; else 0.05 sqrt(cell/g)
+  talus::Seeding seeding{};
+  talus::Packing packing{};
+  RunOptions run{};
+};
+
+inline void add_scene_options(CLI::App& app, SceneOptions& options,
+                              const std::string& default_out) {
+  using Pattern = talus::Seeding::Pattern;
+  static const std::map<std::string, Pattern> patterns{{"jittered", Pattern::jittered},
+                                                       {"random", Pattern::random},
+                                                       {"blue-noise", Pattern::blue_noise}};
+  app.add_option("--dim", options.dimension, "Dimension")
+      ->check(CLI::IsMember({2, 3}))
+      ->capture_default_str();
+  app.add_option("--cell", options.cell, "Edge of a cell, m")->capture_default_str();
+  app.add_option("--time-step", options.time_step, "s; default: 0.05 sqrt(cell/g)");
+  app.add_option("--friction", options.friction, "Of the material")->capture_default_str();
+  app.add_option("--wall-friction", options.wall_friction, "Of the walls")->capture_default_str();
+  app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--packing-relief", options.packing.relief, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--seeding", options.seeding.pattern, "Initial positions")
+      ->transform(CLI::CheckedTransformer(patterns))
+      ->default_str("jittered");
+  app.add_option("--jitter", options.seeding.jitter, "Of the lattice, 0 to 1")
+      ->capture_default_str();
+  app.add_option("--particles-per-edge", options.seeding.per_axis, "Along a cell's edge")
+      ->capture_default_str();
+  app.add_option("--seed", options.seeding.seed, "Of the random numbers")->capture_default_str();
+  add_run_options(app, options.run, default_out);
+}
+
+/// A box of the given size (along, across, up; m) with frictional walls, a rough floor and an open
+/// top, under gravity.
+template <int Dim>
+typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
+                                                 const talus::Vec<3>& size) {
+  constexpr int up = talus::up_axis<Dim>;
+  constexpr double gravity = 9.81; // m/s²
+  talus::require_positive("--cell", options.cell);
+  typename SceneSimulation<Dim>::Params params;
+  for (int a = 0; a < Dim; ++a) {
+    params.grid.size[a] = size[a == up ? 2 : a];
+    params.grid.cells[a] =
+        std::max(1, static_cast<int>(std::lround(params.grid.size[a] / options.cell)));
+    params.faces.lower[a] =
+        params.faces.upper[a] = {talus::FaceKind::frictional, options.wall_friction};
+  }
+  params.faces.lower[up] = {talus::FaceKind::stick};
+  params.faces.upper[up] = {talus::FaceKind::free};
+  params.gravity[up] = -gravity;
+  params.material.density = options.density;
+  params.time_step = options.time_step.value_or(0.05 * std::sqrt(options.cell / gravity));
+  params.rheology.mu = options.friction;
+  params.solver.max_sweeps = 5000;
+  params.packing = options.packing;
+  params.threads = options.run.common.threads;
+  return params;
+}
+
+/// The inputs that all these programs share, for summary.json.
+template <int Dim>
+nlohmann::json scene_inputs(const SceneOptions& options, const SceneSimulation<Dim>& sim) {
+  nlohmann::json size, cells;
+  for (int a = 0; a < Dim; ++a) {
+    size.push_back(sim.grid().size()[a]);
+    cells.push_back(sim.grid().cells(a));
+  }
+  return {{"dimension", Dim},
+          {"domain_m", size},
+          {"cells", cells},
+          {"particles", sim.particles().size()},
+          {"friction", options.friction},
+          {"wall_friction", options.wall_friction},
+          {"density", options.density},
+          {"time_step_s", sim.params().time_step},
+          {"packing_slack", options.packing.slack},
+          {"packing_relief", options.packing.relief},
+          {"seeding", static_cast<int>(options.seeding.pattern)},
+          {"jitter", options.seeding.jitter},
+          {"seed", options.seeding.seed}};
+}
+
+} // namespace support
