@@ -9,6 +9,7 @@
 
 #include "talus/boundary/obstacle.hpp"
 #include "talus/diagnostics/fits.hpp"
+#include "talus/diagnostics/profile.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -89,14 +90,15 @@ struct Balance {
   json results(double area, double perimeter, double weight_density, double wall_friction) const {
     const double height = volume / steps / area;
     const double ratio = wall_normal / steps / (perimeter * height) / (vertical / volume); // K
-    const double decay = area / (perimeter * wall_friction * ratio);                       // z_0
+    const double decays = perimeter * wall_friction * ratio * height / area;               // H/z_0
+    const double janssen = decays > 0 ? -std::expm1(-decays) / decays : 1;
     return {{"depth_m", height},
-            {"mobilised_friction", wall_shear / wall_normal},
+            {"mobilised_friction", wall_normal > 0 ? wall_shear / wall_normal : 0},
             {"stress_ratio_K", ratio},
             {"floor_pressure_Pa", floor / steps / area},
             {"wall_share_Pa", wall_shear / steps / area},
             {"hydrostatic_Pa", weight_density * height},
-            {"janssen_Pa", -weight_density * decay * std::expm1(-height / decay)}};
+            {"janssen_Pa", weight_density * height * janssen}};
   }
 };
 
@@ -186,6 +188,9 @@ Result run(const Options& options, double opening, double height, const std::str
          {"curves", {{{"kind", "line"}, {"label", "outflow"}, {"x", times}, {"y", volumes}}}}});
   } else {
     const talus::Vec<Dim>& size = grid.size();
+    measured.update(
+        {{"surface_height_m", talus::volume_under_surface(sim) / (size.prod() / size[up])},
+         {"speed_max_m_s", talus::largest_speed(sim)}});
     measured.update(balance.results(size.prod() / size[up], Dim == 2 ? 2 : 2 * (size[0] + size[1]),
                                     gravity * scene.density, scene.wall_friction));
     std::snprintf(fact, sizeof fact, "floor %.0f Pa, hydrostatic %.0f Pa, Janssen %.0f Pa",
