@@ -28,7 +28,7 @@ from plotting import SPEED, at_time, choose_times, read_table, round_ticks, sect
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
 WIDTH = 12.0  # inches, at 100 dots each
-LEFT, RIGHT, GAP = 0.9, 1.25, 0.75
+LEFT, RIGHT, GAP = 1.0, 1.25, 0.75
 
 
 class Picture:
@@ -79,7 +79,7 @@ class Picture:
                 axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
             axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal")
             axes.set_title(f"t = {time:.2f} s", fontsize=12)
-            axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(4))
+            axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(4 if columns < 4 else 3))
             axes.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5))
             axes.tick_params(labelleft=column == 0)
             if column == 0:
@@ -105,7 +105,7 @@ class Picture:
         if panel.get("log"):
             axes.set(xscale="log", yscale="log")
             for axis in (axes.xaxis, axes.yaxis):
-                axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5)))
+                axis.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
                 axis.set_major_formatter("{x:g}")
                 axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
         else:
@@ -117,7 +117,10 @@ class Picture:
 
     def draw(self):
         panels = self.picture.get("panels", [])
-        top, panel_height = 1.25, 3.4
+        top = 1.25 if self.picture.get("facts") else 0.8
+        panel_height = 3.4
+        if self.images:
+            top = 1.25  # room for their titles
         below = top
         if self.images:
             columns, _, height = self.snapshot_size()

@@ -17,7 +17,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
+#include <cstddef>
 #include <map>
 #include <optional>
 #include <string>
@@ -37,8 +37,8 @@ struct SceneOptions {
   int dimension = 2;
   double cell = 0.01; ///< m
   double friction = 0.44, wall_friction = 0.23;
-  double density = 1500;           ///< kg/m³
-  std::optional<double> time_step; ///< s; else 0.05 sqrt(cell/g)
+  double density = 1500;             ///< kg/m³
+  std::optional<double> time_step{}; ///< s; else 0.05 sqrt(cell/g)
   talus::Seeding seeding{};
   talus::Packing packing{};
   RunOptions run{};
@@ -85,8 +85,9 @@ typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
     params.grid.size[a] = size[a == up ? 2 : a];
     params.grid.cells[a] =
         std::max(1, static_cast<int>(std::lround(params.grid.size[a] / options.cell)));
-    params.faces.lower[a] =
-        params.faces.upper[a] = {talus::FaceKind::frictional, options.wall_friction};
+    const auto side = static_cast<std::size_t>(a);
+    params.faces.lower[side] =
+        params.faces.upper[side] = {talus::FaceKind::frictional, options.wall_friction};
   }
   params.faces.lower[up] = {talus::FaceKind::stick};
   params.faces.upper[up] = {talus::FaceKind::free};
