@@ -258,26 +258,51 @@ TEST_CASE("free bodies: the same bits for any number of threads") {
   CHECK(checksum_of_impact<3>(1) == checksum_of_impact<3>(3));
 }
 
-TEST_CASE("a free block slides on a face as on Coulomb's plane") {
-  auto params = scenes::box<2>({2, 0, 0.4}, {50, 1, 10}, 0, 0.44);
-  params.faces.lower[1] = {FaceKind::frictional, 0.3};
-  auto block = block_body<2>(Vec<2>(0.3, 0.05), Vec<2>(0.3, 0.1), 2000, 0.5);
-  block.start.velocity[0] = 1.5;
+namespace {
+
+/// A block with a speed on a frictional face, diagonal to the grid in 3-D, until it rests.
+template <int Dim>
+void free_block_slides() {
+  constexpr int up = up_axis<Dim>;
+  constexpr double mu = 0.3, speed = 1.5;
+  auto params = scenes::box<Dim>({1.2, 1.2, 0.4}, {30, 30, 10}, 0, 0.44);
+  params.faces.lower[up] = {FaceKind::frictional, mu};
+  Vec<Dim> centre = Vec<Dim>::Constant(0.3), size = Vec<Dim>::Constant(0.3),
+           direction = Vec<Dim>::Ones();
+  size[up] = 0.1;
+  centre[up] = 0.05;
+  direction[up] = 0;
+  direction.normalize();
+  auto block = block_body<Dim>(centre, size, 2000, 0.5);
+  block.start.velocity = speed * direction;
   params.bodies.push_back(block);
   params.solver.tolerance = 1e-10;
-  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 1.9, 2, 0, 0.04));
+  Particles<Dim> sand; // out of the way
+  Vec<Dim> lower = Vec<Dim>::Constant(1.12), upper = Vec<Dim>::Constant(1.2);
+  lower[up] = 0;
+  upper[up] = 0.04;
+  fill_box(sand, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2});
+  scenes::Sim<Dim> sim(params, sand);
   while (sim.time() < 0.7) {
     CHECK(sim.step().completed());
     if (sim.time() < 0.4) {
-      const auto& body = sim.body_wrench(0);
-      CHECK(body.force[0] / body.force[1] == doctest::Approx(-0.3).epsilon(1e-6));
-      CHECK(body.force[1] == doctest::Approx(block.mass * 9.81).epsilon(1e-6));
+      const Vec<Dim> force = sim.body_wrench(0).force;
+      CHECK(force[up] == doctest::Approx(block.mass * 9.81).epsilon(1e-6));
+      CHECK((force - force[up] * (Vec<Dim>::Unit(up) - mu * direction)).norm() < 1e-6 * force[up]);
     }
   }
-  CHECK(sim.bodies()[0].velocity.norm() < 1e-6);
-  CHECK(sim.bodies()[0].position[0] - 0.3 ==
-        doctest::Approx(1.5 * 1.5 / (2 * 0.3 * 9.81)).epsilon(5e-3)); // a step's length
-  CHECK(sim.bodies()[0].position[1] == doctest::Approx(0.05).epsilon(1e-6));
+  const RigidState<Dim>& now = sim.bodies()[0];
+  CHECK(now.velocity.norm() < 1e-6);
+  CHECK((now.position - centre).dot(direction) ==
+        doctest::Approx(speed * speed / (2 * mu * 9.81)).epsilon(5e-3)); // a step's length
+  CHECK(now.position[up] == doctest::Approx(0.05).epsilon(1e-6));
+}
+
+} // namespace
+
+TEST_CASE("a free block slides on a face as on Coulomb's plane") {
+  free_block_slides<2>();
+  free_block_slides<3>();
 }
 
 namespace {
