@@ -432,9 +432,8 @@ class Simulation {
         radius = std::max(radius, corner.norm() + body.corner_radius);
       body_radius_.push_back(radius);
       bodies_.push_back(body.start);
-      body_inverse_inertia_.push_back(
-          body.rotates ? Mat<spin>(body.inertia.llt().solve(Mat<spin>::Identity()))
-                       : Mat<spin>(Mat<spin>::Zero()));
+      body_inverse_inertia_.push_back(body.rotates ? body.inverse_inertia()
+                                                   : Mat<spin>(Mat<spin>::Zero()));
       if (!body.rotates)
         bodies_.back().angular_velocity.setZero();
     }

@@ -5,8 +5,8 @@
     python3 tests/tools/compile_cost.py [COMPILER...]
 
 Memory, preprocessed lines and template instantiations (clang++ alone counts them) do not depend on
-what else the machine does: their budgets are tight. Seconds do, so their goal is only printed, and
-twice the goal is the budget. The same program with talus/precompiled.hpp must take at most 0.6 of
+what else the machine does: their budgets are tight. Seconds do, so twice the goal is the budget. A
+goal that is missed is printed as missed; above the budget the check fails. The same program with talus/precompiled.hpp must take at most 0.6 of
 the seconds, and must link and run with a file of talus/precompiled_definitions.hpp.
 """
 import json
@@ -19,9 +19,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 EIGEN = os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3")
-GOAL_SECONDS = 8
-BUDGET = {"MB": 600, "CPU seconds": 2 * GOAL_SECONDS, "thousand lines": 150,
-          "thousand instantiations": 27, "of the seconds, with precompiled.hpp": 0.6}
+GOAL = {"MB": 600, "CPU seconds": 8}
+BUDGET = {"MB": 800, "CPU seconds": 2 * GOAL["CPU seconds"], "thousand lines": 150,
+          "thousand instantiations": 38, "of the seconds, with precompiled.hpp": 0.6}
 
 
 def run(command):
@@ -70,13 +70,15 @@ def cost(compiler, source, folder):
 def main():
     compilers = sys.argv[1:] or ["g++", "clang++"]
     over = 0
-    print(f"tests/docs/first.cpp, -O2; goals: {GOAL_SECONDS} s, {BUDGET['MB']} MB")
+    print(f"tests/docs/first.cpp, -O2; goals: {GOAL['CPU seconds']} s, {GOAL['MB']} MB")
     with tempfile.TemporaryDirectory() as folder:
         for compiler in compilers:
             for what, value in cost(compiler, ROOT / "tests/docs/first.cpp", Path(folder)).items():
                 within = value <= BUDGET[what]
                 over += not within
-                print(f"{'ok     ' if within else 'FAILED '} {compiler}: {value:.3g} {what} (budget {BUDGET[what]})")
+                missed = f"; goal {GOAL[what]} MISSED" if value > GOAL.get(what, value) else ""
+                print(f"{'ok     ' if within else 'FAILED '} {compiler}: {value:.3g} {what}"
+                      f" (budget {BUDGET[what]}{missed})")
     return 1 if over else 0
 
 

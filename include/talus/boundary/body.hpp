@@ -7,8 +7,7 @@
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 
-#include <Eigen/Cholesky>
-
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <vector>
@@ -35,14 +34,57 @@ struct Body {
     if (shape.empty())
       throw_invalid("body.shape", "empty", "a model of SignedDistance");
     require_positive("body.mass", mass);
-    if (rotates && !(Eigen::LLT<Mat<spin_size<Dim>>>(inertia).info() == Eigen::Success &&
-                     inertia.allFinite() && inertia.isApprox(inertia.transpose())))
-      throw_invalid("body.inertia", inertia, "a symmetric positive definite matrix");
+    if (rotates)
+      validate_inertia();
     require_non_negative("body.friction", friction);
     require_non_negative("body.corner_radius", corner_radius);
     for (const Vec<Dim>& corner : corners)
       for (int a = 0; a < Dim; ++a)
         require_finite("a corner of a body", corner[a]);
+  }
+
+  /// Inverse of the inertia, 1/(kg m²), by cofactors: a library of decompositions would cost every
+  /// program that compiles this more than all else here.
+  Mat<spin_size<Dim>> inverse_inertia() const {
+    const auto& j = inertia;
+    Mat<spin_size<Dim>> inverse;
+    if constexpr (Dim == 2) {
+      inverse(0, 0) = 1 / j(0, 0);
+    } else {
+      for (int r = 0; r < 3; ++r)
+        for (int c = 0; c < 3; ++c)
+          inverse(c, r) = cofactor(r, c);
+      inverse *= 1 / determinant();
+    }
+    return inverse;
+  }
+
+ private:
+  /// For any cyclic r, c: no sign to mind.
+  double cofactor(int r, int c) const {
+    const int r1 = (r + 1) % 3, r2 = (r + 2) % 3, c1 = (c + 1) % 3, c2 = (c + 2) % 3;
+    return inertia(r1, c1) * inertia(r2, c2) - inertia(r1, c2) * inertia(r2, c1);
+  }
+  double determinant() const {
+    return inertia(0, 0) * cofactor(0, 0) + inertia(0, 1) * cofactor(0, 1) +
+           inertia(0, 2) * cofactor(0, 2);
+  }
+  /// Symmetric, and all leading minors are positive (Sylvester).
+  void validate_inertia() const {
+    constexpr const char* allowed = "a symmetric positive definite matrix";
+    for (int r = 0; r < spin_size<Dim>; ++r)
+      for (int c = 0; c < r; ++c)
+        if (!(std::abs(inertia(r, c) - inertia(c, r)) <=
+              1e-12 * (std::abs(inertia(r, r)) + std::abs(inertia(c, c)))))
+          throw_invalid("body.inertia, what its halves differ by", inertia(r, c) - inertia(c, r),
+                        allowed);
+    double least = inertia(0, 0);
+    if constexpr (Dim == 3) { // each in units of the first
+      const double unit = std::abs(inertia(0, 0));
+      least = std::min({least, cofactor(2, 2) / unit, determinant() / (unit * unit)});
+    }
+    if (!(least > 0) || !std::isfinite(least))
+      throw_invalid("body.inertia, its least leading minor", least, allowed);
   }
 };
 
