@@ -47,7 +47,10 @@ struct Material {
 /// What is done about nodes that are nearly dense or overpacked. The plain method (Rousseau et al.
 /// 2023: slack and relief 0) lets any node short of dense compact and keeps all overpacking, so
 /// that the noise of the particles' positions becomes settling: it loses 2–6 % of a collapse's
-/// volume on coarse grids, and a bed with jittered positions never rests.
+/// volume on coarse grids, and a bed with jittered positions never rests. Relief is for collapses:
+/// where material is confined it adds to the stresses (two and a half times the floor's pressure in
+/// a silo), and a surface that flows for long throws off grains; take relief 0 there. See
+/// docs/validation.md.
 struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
   double relief = 1;   ///< rate at which more overpacking is taken back, in units of sqrt(|g|/h)
