@@ -72,24 +72,29 @@ class ByteWriter {
   std::string bytes_;
 };
 
+[[noreturn]] inline void cannot_read(const std::filesystem::path& path, const std::string& reason) {
+  throw std::runtime_error("cannot read " + path.string() + ": " + reason);
+}
+
+/// All of a file. Throws std::runtime_error that names it and the reason.
+inline std::string read_bytes(const std::filesystem::path& path) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error))
+    cannot_read(path, "it is a folder");
+  std::ifstream file(path, std::ios::binary);
+  if (!file)
+    cannot_read(path, std::generic_category().message(errno));
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
 /// Reads what ByteWriter wrote; every departure from it is a std::runtime_error that names the
 /// file.
 class ByteReader {
  public:
-  explicit ByteReader(const std::filesystem::path& path) : path_(path) {
-    std::error_code error;
-    if (std::filesystem::is_directory(path, error))
-      fail("it is a folder");
-    std::ifstream file(path, std::ios::binary);
-    if (!file)
-      fail(std::generic_category().message(errno));
-    bytes_.assign(std::istreambuf_iterator<char>(file), {});
-    rest_ = bytes_;
-  }
+  explicit ByteReader(const std::filesystem::path& path)
+      : path_(path), bytes_(read_bytes(path)), rest_(bytes_) {}
 
-  [[noreturn]] void fail(const std::string& reason) const {
-    throw std::runtime_error("cannot read " + path_.string() + ": " + reason);
-  }
+  [[noreturn]] void fail(const std::string& reason) const { cannot_read(path_, reason); }
 
   /// Takes the fingerprint off the end and compares it.
   void check_fingerprint() {

@@ -2,18 +2,15 @@
 #pragma once
 
 #include "talus/core/types.hpp"
+#include "talus/io/bytes.hpp"
 
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -45,16 +42,8 @@ inline std::string_view next_word(std::string_view& text) {
 /// Throws std::runtime_error that names the file and the reason if it cannot be read, is truncated,
 /// holds no triangle or a number that is not finite.
 inline TriangleMesh read_stl(const std::filesystem::path& path, double scale = 1) {
-  const auto fail = [&](const std::string& reason) {
-    throw std::runtime_error("cannot read " + path.string() + ": " + reason);
-  };
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error))
-    fail("it is a folder");
-  std::ifstream file(path, std::ios::binary);
-  if (!file)
-    fail(std::generic_category().message(errno));
-  const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+  const auto fail = [&](const std::string& reason) { detail::cannot_read(path, reason); };
+  const std::string bytes = detail::read_bytes(path);
 
   TriangleMesh mesh;
   constexpr std::size_t header = 80, facet = 50;
