@@ -9,8 +9,6 @@ Exits with 1 and a message if one of them is missing or cannot be used.
 """
 import json
 import math
-import pathlib
-import sys
 
 import matplotlib
 
@@ -23,7 +21,7 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, number, read_table, round_ticks, section_image
+from plotting import SPEED, at_time, choose_times, number, read_table, round_ticks, run, section_image
 
 # Colours of Okabe and Ito: told apart by colour-blind readers.
 RUN, EXPERIMENT, SIMULATION = "black", "#D55E00", "#0072B2"
@@ -234,22 +232,5 @@ class Picture:
         return self.figure
 
 
-def main():
-    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
-        sys.exit(__doc__)
-    directory = pathlib.Path(sys.argv[1])
-    plt.rcParams.update({"font.size": 13, "axes.spines.top": False, "axes.spines.right": False})
-    try:
-        figure = Picture(directory).draw()
-        figure.savefig(directory / "collapse.png", dpi=100)
-    except OSError as error:
-        sys.exit(f"plot_collapse.py: {error.filename}: {error.strerror}")
-    except KeyError as error:
-        sys.exit(f"plot_collapse.py: {directory / 'summary.json'}: no entry {error}")
-    except ValueError as error:
-        sys.exit(f"plot_collapse.py: {error}")
-    print(directory / "collapse.png")
-
-
 if __name__ == "__main__":
-    main()
+    run(__doc__, "summary.json", lambda folder: (Picture(folder).draw(), "collapse.png"))

@@ -12,8 +12,6 @@ Exits with 1 and a message if something is missing or cannot be used.
 """
 import json
 import math
-import pathlib
-import sys
 
 import matplotlib
 
@@ -24,7 +22,7 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, read_table, round_ticks, section_image
+from plotting import SPEED, at_time, choose_times, read_table, round_ticks, run, section_image
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
 WIDTH = 12.0  # inches, at 100 dots each
@@ -145,23 +143,10 @@ class Picture:
         return self.figure
 
 
-def main():
-    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
-        sys.exit(__doc__)
-    directory = pathlib.Path(sys.argv[1])
-    plt.rcParams.update({"font.size": 12, "axes.spines.top": False, "axes.spines.right": False})
-    try:
-        picture = Picture(directory)
-        file = directory / (picture.summary["program"] + ".png")
-        picture.draw().savefig(file, dpi=100)
-    except OSError as error:
-        sys.exit(f"plot_run.py: {error.filename}: {error.strerror}")
-    except KeyError as error:
-        sys.exit(f"plot_run.py: {directory / 'summary.json'}: no entry {error}")
-    except ValueError as error:
-        sys.exit(f"plot_run.py: {error}")
-    print(file)
+def draw(folder):
+    picture = Picture(folder)
+    return picture.draw(), picture.summary["program"] + ".png"
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, "summary.json", draw, font_size=12)

@@ -8,8 +8,6 @@ Reads DIR/picture.json (written by examples/support/picture.hpp), writes DIR/NAM
 Exits with 1 and a message if it is missing or cannot be used.
 """
 import json
-import pathlib
-import sys
 
 import matplotlib
 
@@ -17,6 +15,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import matplotlib.ticker
 import numpy as np
+
+from plotting import run
 
 # Colours of Okabe and Ito: told apart by colour-blind readers. Black is for what is published.
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999999"]
@@ -84,23 +84,10 @@ def draw(picture):
     return figure
 
 
-def main():
-    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
-        sys.exit(__doc__)
-    directory = pathlib.Path(sys.argv[1])
-    plt.rcParams.update({"font.size": 13, "axes.spines.top": False, "axes.spines.right": False})
-    try:
-        picture = json.loads((directory / "picture.json").read_text())
-        path = directory / (picture["name"] + ".png")
-        draw(picture).savefig(path, dpi=100)
-    except OSError as error:
-        sys.exit(f"plot_study.py: {error.filename}: {error.strerror}")
-    except KeyError as error:
-        sys.exit(f"plot_study.py: {directory / 'picture.json'}: no entry {error}")
-    except ValueError as error:
-        sys.exit(f"plot_study.py: {directory / 'picture.json'}: {error}")
-    print(path)
+def draw_folder(folder):
+    picture = json.loads((folder / "picture.json").read_text())
+    return draw(picture), picture["name"] + ".png"
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, "picture.json", draw_folder)

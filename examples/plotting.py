@@ -2,6 +2,8 @@
 """What the plot scripts of the examples share: tables, and sections of a flow as pictures."""
 import csv
 import math
+import pathlib
+import sys
 import warnings
 
 import matplotlib
@@ -91,3 +93,24 @@ def round_ticks(highest):
                 math.sqrt(above) - math.sqrt(tick) > 0.11 * math.sqrt(highest)):
             ticks.append(float(f"{tick:.3g}"))
     return [0, *(t for t in reversed(ticks) if t > 0.01 * highest)]
+
+
+def run(usage, data, draw, font_size=13):
+    """The main program of a plot script: draws what is in the folder that is its one argument.
+    usage: its docstring; data: the file that says what to draw; draw(folder): the figure and the name
+    of its file."""
+    script = pathlib.Path(sys.argv[0]).name
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        sys.exit(usage)
+    folder = pathlib.Path(sys.argv[1])
+    matplotlib.rcParams.update({"font.size": font_size, "axes.spines.top": False, "axes.spines.right": False})
+    try:
+        figure, name = draw(folder)
+        figure.savefig(folder / name, dpi=100)
+    except OSError as error:
+        sys.exit(f"{script}: {error.filename}: {error.strerror}")
+    except KeyError as error:
+        sys.exit(f"{script}: {folder / data}: no entry {error}")
+    except ValueError as error:
+        sys.exit(f"{script}: {error}")
+    print(folder / name)
