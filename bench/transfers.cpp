@@ -94,13 +94,17 @@ void to_cells(benchmark::State& state) {
   cloud.count(state);
 }
 
-template <int Dim, class Transfer>
+/// Spread: all cells are overpacked as well.
+template <int Dim, class Transfer, bool Spread = false>
 void to_particles(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
+  Spreading spreading;
+  if (Spread)
+    spreading = {std::vector<double>(cloud.velocity.size(), 0.01), 5};
   const Vec<Dim> lower = cloud.grid.origin(), upper = cloud.grid.upper();
   for (auto _ : state) // a time step of 0: every repetition finds the same
     grid_to_particles(cloud.particles, cloud.order, cloud.grid, Transfer(), cloud.velocity,
-                      cloud.before, 0.0, lower, upper, 1);
+                      cloud.before, spreading, 0.0, lower, upper, 1);
   cloud.count(state);
 }
 
@@ -120,6 +124,7 @@ void add() {
   run("to_cells/apic", to_cells<Dim, Apic>);
   run("to_cells/flip", to_cells<Dim, Flip>);
   run("to_particles/apic", to_particles<Dim, Apic>);
+  run("to_particles/apic_spreading", to_particles<Dim, Apic, true>);
   run("to_particles/pic", to_particles<Dim, Pic>);
   run("to_particles/flip", to_particles<Dim, Flip>);
 }

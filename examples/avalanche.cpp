@@ -45,7 +45,8 @@ struct Options {
   double friction = 0.44, step = 0.5;
   std::optional<double> from, to;
   int per_axis = 6;
-  double jitter = 0, relief = 0;
+  double jitter = 0;
+  talus::Packing packing{};
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   support::ResumeOptions resume;
   support::CommonOptions common;
@@ -96,7 +97,7 @@ int run(const Options& options) {
   params.solver.tolerance = options.tolerance;
   params.threads = options.common.threads;
   // Relief throws grains off a flowing surface, which then never rests; see docs/validation.md.
-  params.packing.relief = options.relief;
+  params.packing = options.packing;
   // Few particles, or random positions, leave soft spots that creep below the friction angle.
   const talus::Seeding seeding{.per_axis = options.per_axis, .jitter = options.jitter};
   Sim sim(params, setup.particles<Dim>(talus::Grid<Dim>(params.grid), seeding));
@@ -113,7 +114,7 @@ int run(const Options& options) {
                        {"particles_per_cell_edge", seeding.per_axis},
                        {"jitter", seeding.jitter},
                        {"packing_slack", params.packing.slack},
-                       {"packing_relief", params.packing.relief},
+                       {"packing_spreading", params.packing.spreading},
                        {"time_step_s", params.time_step},
                        {"tolerance", options.tolerance},
                        {"rest_speed_m_s", rest_speed},
@@ -280,8 +281,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--jitter", options.jitter, "Of the lattice of particles, 0 to 1")
       ->capture_default_str();
-  app.add_option("--packing-relief", options.relief,
-                 "Rate at which overpacking is taken back, in sqrt(g/h)")
+  app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--packing-spreading", options.packing.spreading, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance, "Solver: relative residual")
       ->capture_default_str();

@@ -204,7 +204,7 @@ int run(const Options& options, const Case& collapse) {
                        {"tolerance", options.tolerance},
                        {"max_sweeps", options.max_sweeps},
                        {"packing_slack", options.packing.slack},
-                       {"packing_relief", options.packing.relief},
+                       {"packing_spreading", options.packing.spreading},
                        {"material", collapse.material.name},
                        {"inclination_deg", setup.inclination_deg},
                        {"column_length_m", setup.column_length},
@@ -382,9 +382,10 @@ int main(int argc, char** argv) {
   app.add_option("--packing-slack", options.packing.slack,
                  "Share of its volume by which a node may miss dense and count as dense")
       ->capture_default_str();
-  app.add_option("--packing-relief", options.packing.relief,
-                 "Rate at which overpacking is taken back, in sqrt(g/h); 0 and slack 0: the "
-                 "paper's, which loses volume")
+  app.add_option(
+         "--packing-spreading", options.packing.spreading,
+         "How fast denser material spreads, per unit of strain; 0 and slack 0: the paper's, "
+         "which loses volume")
       ->capture_default_str();
   app.add_flag("--until-rest", options.until_rest,
                "Run until nothing moves faster than 0.01 m/s (default)");

@@ -59,7 +59,7 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
   app.add_option("--wall-friction", options.wall_friction, "Of the walls")->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
       ->capture_default_str();
-  app.add_option("--packing-relief", options.packing.relief, "See talus::Packing")
+  app.add_option("--packing-spreading", options.packing.spreading, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--seeding", options.seeding.pattern, "Initial positions")
       ->transform(CLI::CheckedTransformer(patterns))
@@ -118,7 +118,7 @@ nlohmann::json scene_inputs(const SceneOptions& options, const SceneSimulation<D
           {"density", options.density},
           {"time_step_s", sim.params().time_step},
           {"packing_slack", options.packing.slack},
-          {"packing_relief", options.packing.relief},
+          {"packing_spreading", options.packing.spreading},
           {"seeding", static_cast<int>(options.seeding.pattern)},
           {"jitter", options.seeding.jitter},
           {"seed", options.seeding.seed}};

@@ -15,6 +15,7 @@
 #include "talus/dual/coloring.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
+#include "talus/packing.hpp"
 #include "talus/particles.hpp"
 #include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/rheology.hpp"
@@ -42,35 +43,6 @@ namespace talus {
 
 struct Material {
   double density = 0; ///< ρ_c of the dense packing, kg/m³; > 0
-};
-
-/// What is done about nodes that are nearly dense or overpacked. The plain method (Rousseau et al.
-/// 2023: slack and relief 0) lets any node short of dense compact and keeps all overpacking, so
-/// that the noise of the particles' positions becomes settling: it loses 2–6 % of a collapse's
-/// volume on coarse grids, and a bed with jittered positions never rests. Relief is for collapses:
-/// where material is confined it adds to the stresses (two and a half times the floor's pressure in
-/// a silo), and a surface that flows for long throws off grains; take relief 0 there. See
-/// docs/validation.md.
-struct Packing {
-  double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
-  double relief = 1;   ///< rate at which more overpacking is taken back, in units of sqrt(|g|/h)
-
-  /// Throws std::invalid_argument if a parameter is out of range.
-  void validate() const {
-    if (!(slack >= 0 && slack < 1))
-      throw_invalid("packing.slack", slack, "a number in [0, 1)");
-    require_non_negative("packing.relief", relief);
-  }
-  /// Share of overpacking that one step takes back. δt: s, gravity: m/s², spacing h: m.
-  double relief_share(double time_step, double gravity, double spacing) const {
-    return std::min(1.0, relief * time_step * std::sqrt(gravity / spacing));
-  }
-  /// By how much a node may (> 0) or must (< 0) change its volume in this step. room: v_i − Σ V_p
-  /// N_i, m^d; volume: v_i, m^d.
-  double room(double room, double volume, double share) const {
-    return room > 0 ? std::max(0.0, room - slack * volume)
-                    : std::min(0.0, room + slack * volume) * share;
-  }
 };
 
 /// Wall-clock seconds of one step, by phase.
@@ -184,6 +156,7 @@ class Simulation {
     node_stress_.assign(nodes, Vec<cone_size>::Zero());
     inertial_number_.assign(nodes, 0);
     open_share_.assign(nodes, 1);
+    spreading_ = {std::vector<double>(nodes, 0), params_.packing.spreading};
     node_cone_.assign(nodes, -1);
     wrenches_.resize(static_cast<std::size_t>(2 * Dim) + params_.obstacles.size() + bodies_.size());
     node_rank_.assign(nodes, 0);
@@ -536,6 +509,7 @@ class Simulation {
       problem_.inverse_mass[j] = Wide::Zero();
       open_share_[j] = 1;
       node_cone_[j] = -1;
+      spreading_.excess[j] = 0;
       if (material_volume_[j] >= least_volume) {
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
         node_cone_[j] = static_cast<int>(problem_.node.size());
@@ -553,8 +527,6 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
-    relief_share_ = params_.packing.relief_share(time_step_, params_.gravity.norm(),
-                                                 grid_.spacing().minCoeff());
     parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::ptrdiff_t i = begin; i < end; ++i)
@@ -575,12 +547,12 @@ class Simulation {
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = node_stress_[j];
     // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
-    // Next to solids overpacking is left alone: there it mostly is what the grid does not resolve,
-    // and taking it back stirs the material under a load.
-    const double share = open_share_[j] < 1 ? 0 : relief_share_;
-    const double room =
-        params_.packing.room(problem_.volume[i] - material_volume_[j], problem_.volume[i], share);
+    const double volume = problem_.volume[i];
+    const double room = params_.packing.room(volume - material_volume_[j], volume);
     problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * time_step_));
+    // Next to solids overpacking mostly is what the grid does not resolve: nothing is moved there.
+    spreading_.excess[j] =
+        open_share_[j] < 1 ? -1 : params_.packing.excess(material_volume_[j] / volume);
     problem_.friction[i] = friction(i);
   }
 
@@ -967,7 +939,8 @@ class Simulation {
         upper[a] = std::numeric_limits<double>::infinity();
     }
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
-                             velocity_before_, time_step_, lower, upper, params_.threads);
+                             velocity_before_, spreading_, time_step_, lower, upper,
+                             params_.threads);
   }
 
   /// Takes out the particles that passed a free face.
@@ -1008,8 +981,7 @@ class Simulation {
   std::vector<Mat<spin>> body_inverse_inertia_; ///< in their own frames, #bodies
   double time_ = 0;
   std::size_t steps_ = 0;
-  double time_step_ = 0;    ///< δt of this step, s
-  double relief_share_ = 0; ///< of overpacking, in this step
+  double time_step_ = 0; ///< δt of this step, s
 
   // Workspace, and what one step leaves for the next.
   CellOrder<Dim> order_;
@@ -1019,6 +991,7 @@ class Simulation {
   std::vector<Vec<cone_size>> node_stress_;   ///< λ, #nodes, Pa s
   std::vector<double> inertial_number_;       ///< #nodes
   std::vector<double> open_share_;            ///< of a node's volume, #nodes
+  Spreading spreading_;                       ///< of what is overpacked
   std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
   std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
   std::vector<Contact<Dim>> last_contacts_;

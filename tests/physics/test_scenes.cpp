@@ -41,7 +41,6 @@ scenes::Sim<2> silo(double width, double height, double opening, double wall_fri
                                 static_cast<int>(std::lround(height / cell)) + 5},
                                0, 0.44);
   params.time_step = 1.6e-3;
-  params.packing.relief = sink_speed > 0 ? 0 : 1; // expanding nodes would press on the walls
   params.faces.lower[0] = params.faces.upper[0] = {FaceKind::frictional, wall_friction};
   params.faces.lower[1].kind = FaceKind::free;
   params.obstacles.push_back(
@@ -68,7 +67,6 @@ TEST_CASE("Janssen: above a sinking floor the walls carry the weight of what is 
   // p(H) = ρ g z_0 (1 − exp(−H/z_0)), z_0 = W/(2 μ_w K); K, the ratio of the mean stresses normal
   // to the walls and vertical, is measured.
   const double width = 0.1, wall_friction = 0.4;
-  double shallow = 0;
   for (const double height : {0.2, 0.8}) {
     auto sim = silo(width, height, 0, wall_friction, 0.05);
     double floor = 0, normal = 0, shear = 0, vertical = 0, volume = 0, steps = 0;
@@ -101,11 +99,9 @@ TEST_CASE("Janssen: above a sinking floor the walls carry the weight of what is 
     const double decay = width / (2 * wall_friction * K);
     const double pressure = floor / steps / width, density = 1500;
     CHECK(pressure ==
-          doctest::Approx(-density * gravity * decay * std::expm1(-depth / decay)).epsilon(0.07));
-    if (height < 0.5)
-      shallow = pressure;
-    else // four times the filling, and little more on the floor
-      CHECK(pressure < 1.6 * shallow);
+          doctest::Approx(-density * gravity * decay * std::expm1(-depth / decay)).epsilon(0.04));
+    if (height > 0.5) // saturated: seven eighths of it would change little
+      CHECK(pressure > 0.9 * density * gravity * decay);
   }
 }
 

@@ -109,5 +109,5 @@ TEST_CASE("a bed of jittered particles comes to rest, which it does not without 
     return fastest;
   };
   CHECK(speed({}) < 2e-4);
-  CHECK(speed({.slack = 0, .relief = 0}) > 4e-4);
+  CHECK(speed({.slack = 0, .spreading = 0}) > 4e-4);
 }

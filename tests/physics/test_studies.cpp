@@ -54,7 +54,6 @@ TEST_CASE("a bed follows its box below the friction angle, and does not above") 
     params.time_step = 2e-3;
     params.faces = setup.faces<2>();
     params.rheology.mu = 0.44;
-    params.packing.relief = 0;
     scenes::Sim<2> sim(params,
                        setup.particles<2>(Grid<2>(params.grid), {.per_axis = 4, .jitter = 0}));
     while (sim.time() < 2)

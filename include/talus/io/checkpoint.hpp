@@ -56,7 +56,7 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   add("cfl", params.cfl);
   add("min_relative_mass", params.min_relative_mass);
   add("packing.slack", params.packing.slack);
-  add("packing.relief", params.packing.relief);
+  add("packing.spreading", params.packing.spreading);
   add("obstacles", params.obstacles.size());
   add("bodies", params.bodies.size());
   for (std::size_t b = 0; b < params.bodies.size(); ++b) {

@@ -17,16 +17,16 @@
 
 namespace talus {
 
-/// A multilinear velocity field in one cell as a polynomial, u = Σ_S a_S Π_{b ∈ S} ξ_b over the
-/// subsets S of the axes: a third of the work of sums over corners, and exact for uniform fields.
-template <int Dim>
+/// A multilinear field of `Components` numbers in one cell as a polynomial, u = Σ_S a_S Π_{b ∈ S}
+/// ξ_b over the subsets S of the axes: a third of the work of sums over corners, and exact for
+/// uniform fields.
+template <int Dim, int Components = Dim>
 class CellField {
  public:
   static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
-  static constexpr std::size_t dim = static_cast<std::size_t>(Dim);
 
-  /// corner: one velocity for each corner of the cell, m/s.
-  explicit CellField(const std::array<Vec<Dim>, corners>& corner) : coefficient_(corner) {
+  /// corner: the values at the corners of the cell.
+  explicit CellField(const std::array<Vec<Components>, corners>& corner) : coefficient_(corner) {
     for (std::size_t bit = 1; bit < corners; bit *= 2) // differences along one axis after another
       for (std::size_t c = 0; c < corners; ++c)
         if (c & bit)
@@ -58,18 +58,45 @@ class CellField {
  private:
   double at(std::size_t subset, std::size_t a) const { return coefficient_[subset].data()[a]; }
 
-  std::array<Vec<Dim>, corners> coefficient_;
+  std::array<Vec<Components>, corners> coefficient_;
 };
 
-/// Takes v_p, C_p from the grid by `transfer` and moves x_p += δt Σ_i N_i(x_p) u_i, held between
-/// `lower` and `upper` (m; infinite where particles may leave the box).
+/// How overpacked material spreads: see Packing.
+struct Spreading {
+  std::vector<double> excess; ///< e_i, #nodes; < 0: nothing is moved in the cells of this node
+  double rate = 0;            ///< κ, per unit of strain
+
+  /// Largest share of the difference between nodes that one step evens out: diffusion is stable
+  /// below a half, and without overshoot below a quarter.
+  static constexpr double largest_share = 0.1;
+};
+
+/// ‖D‖ with ‖D‖² = D:D/2 of each particle. gradient: ∇u by columns, 1/s.
+template <int Dim>
+ParticleLanes
+strain_rate_norm(const std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)>& gradient) {
+  ParticleLanes sum = ParticleLanes::Zero(); // D:D
+  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
+    sum += gradient[a][a] * gradient[a][a];
+    for (std::size_t b = 0; b < a; ++b) {
+      const ParticleLanes shear = gradient[b][a] + gradient[a][b];
+      sum += 0.5 * shear * shear;
+    }
+  }
+  return (0.5 * sum).sqrt();
+}
+
+/// Takes v_p, C_p from the grid by `transfer` and moves
+///   x_p += δt Σ_i N_i(x_p) u_i − min(κ ‖D‖ δt, 0.1) Σ_i e_i h² ∇N_i(x_p),
+/// h² by axis, held between `lower` and `upper` (m; infinite where particles may leave the box).
 /// velocity, before: u and u* at the nodes, m/s, #nodes × at least d; time_step: δt, s.
 template <int Dim, class Real, TransferScheme<Dim> Transfer, class NodeVelocity>
 void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                        const Grid<Dim>& grid, const Transfer& transfer,
                        const std::vector<NodeVelocity>& velocity,
-                       const std::vector<NodeVelocity>& before, double time_step,
-                       const Vec<Dim>& lower, const Vec<Dim>& upper, int threads) {
+                       const std::vector<NodeVelocity>& before, const Spreading& spreading,
+                       double time_step, const Vec<Dim>& lower, const Vec<Dim>& upper,
+                       int threads) {
   constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   const auto field = [&](const std::vector<NodeVelocity>& nodes, int first) {
     std::array<Vec<Dim>, CellField<Dim>::corners> u;
@@ -78,9 +105,12 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
           nodes[static_cast<std::size_t>(first + grid.corner_offset(c))].template head<Dim>();
     return CellField<Dim>(u);
   };
+  std::array<double, dim> spacing;
+  for (std::size_t a = 0; a < dim; ++a)
+    spacing[a] = grid.spacing()[static_cast<Eigen::Index>(a)];
   constexpr std::size_t batch = particle_packs * particle_lanes;
   struct Pack {
-    VecLanes<Dim> position, velocity, before;
+    VecLanes<Dim> position, velocity, before, shift;
     std::array<VecLanes<Dim>, dim> gradient; // columns
   };
   const auto update_cell = [&](int cell_number) {
@@ -90,6 +120,19 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
     const Index<Dim> cell = grid.cell_index(cell_number);
     const int first_node = grid.first_node(cell);
     const CellField<Dim> now = field(velocity, first_node), then = field(before, first_node);
+    std::array<Vec<1>, CellField<Dim>::corners> corner_excess;
+    bool spreads = spreading.rate > 0, overpacked = false;
+    for (int c = 0; spreads && c < Grid<Dim>::corners; ++c) {
+      const double e =
+          spreading.excess[static_cast<std::size_t>(first_node + grid.corner_offset(c))];
+      corner_excess[static_cast<std::size_t>(c)][0] = e;
+      spreads = e >= 0;
+      overpacked = overpacked || e > 0;
+    }
+    spreads = spreads && overpacked;
+    if (!spreads)
+      corner_excess.fill(Vec<1>::Zero());
+    const CellField<Dim, 1> excess(corner_excess);
     const std::size_t end = order.begin(cell_number + 1);
     for (std::size_t first = order.begin(cell_number); first < end; first += batch) {
       const std::size_t count = std::min(batch, end - first);
@@ -106,6 +149,13 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
             pack.gradient[b][a] =
                 now.slope(b, a, xi) * grid.inverse_spacing()[static_cast<Eigen::Index>(b)];
         }
+        if (!spreads)
+          continue;
+        const ParticleLanes share =
+            (spreading.rate * time_step * strain_rate_norm<Dim>(pack.gradient))
+                .min(Spreading::largest_share);
+        for (std::size_t a = 0; a < dim; ++a)
+          pack.shift[a] = share * excess.slope(a, 0, xi) * -spacing[a];
       }
       for (std::size_t l = 0; l < count; ++l) {
         const Pack& pack = packs[l / particle_lanes];
@@ -128,7 +178,11 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
           particles.affine[p] = c.template cast<Real>();
         }
         Vec<Dim>& x = particles.position[p];
-        x = (x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper);
+        Vec<Dim> change = time_step * sample.velocity;
+        if (spreads)
+          for (std::size_t a = 0; a < dim; ++a)
+            change.data()[a] += pack.shift[a][lane];
+        x = (x + change).cwiseMax(lower).cwiseMin(upper);
       }
     }
   };
