@@ -24,6 +24,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <sys/file.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <system_error>
@@ -43,6 +44,7 @@ namespace support {
 
 struct StudyOptions {
   std::string resolution = "coarse", write_jobs;
+  std::optional<double> end_time; ///< s; without: at rest
   bool overwrite = false;
   CommonOptions common{};
 
@@ -53,6 +55,8 @@ inline void add_study_options(CLI::App& app, StudyOptions& options, const std::s
   app.add_option("--resolution", options.resolution, "Of all runs")
       ->check(CLI::IsMember({"coarse", "reference"}))
       ->capture_default_str();
+  app.add_option("--end-time", options.end_time,
+                 "For a trial: end each run so many seconds after the gate's opening, not at rest");
   app.add_flag("--overwrite", options.overwrite, "Replace unfinished runs instead of going on");
   app.add_option("--write-jobs", options.write_jobs,
                  "Run nothing, but write an array-job script for a batch system (sbatch) to this "
@@ -149,6 +153,8 @@ class Sweep {
   std::vector<std::string> command(const Job& job) const {
     std::vector<std::string> words = {TALUS_COLLAPSE, "--resolution", options_.resolution};
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
+    if (options_.end_time)
+      words.insert(words.end(), {"--end-time", text(*options_.end_time)});
     for (const char* word : {"--threads", "1", "--vtk", "none", "--quiet", "--no-plot"})
       words.push_back(word);
     words.push_back(options_.overwrite ? "--overwrite" : "--resume");
@@ -178,7 +184,11 @@ class Sweep {
 #else
     static_cast<void>(parent);
 #endif
-    const int file = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    // The lock lasts as long as the run: one of a killed sweep may still be saving what it has.
+    const int file = open(log.c_str(), O_WRONLY | O_CREAT, 0666);
+    flock(file, LOCK_EX);
+    if (interrupted() || ftruncate(file, 0) != 0)
+      _exit(1);
     dup2(file, STDOUT_FILENO);
     dup2(file, STDERR_FILENO);
     execv(arguments[0], arguments.data());
