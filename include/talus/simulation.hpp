@@ -82,8 +82,9 @@ struct Packing {
 ///
 /// One step of the semi-implicit scheme of Rousseau et al. 2023 (their §3 and appendices; after
 /// Daviet & Bertails-Descoubes 2016):
-///   m_j (u_j − u*_j) = δt (m_j g + Σ_i Λ_i g_ij),  γ_i = vec(sym Σ_j u_j ⊗ g_ij) + k_i,
-///   (γ_i, λ_i) in the Drucker–Prager law of friction μ_i.
+/// \f[ m_j (u_j − u^*_j) = δt \Bigl( m_j g + \sum_i Λ_i g_{ij} \Bigr), \quad
+///     γ_i = \mathrm{vec}\,\mathrm{sym} \sum_j u_j ⊗ g_{ij} + k_i, \f]
+/// and (γ_i, λ_i) in the Drucker–Prager law of friction μ_i.
 template <int Dim, Rheology RheologyT, TransferScheme<Dim> TransferT, Solver<Dim> SolverT,
           class ParticleReal = double>
 class Simulation {

@@ -10,7 +10,8 @@
 namespace talus {
 
 /// The impulse of a contact, the node's other impulses being frozen: Coulomb's law with the
-/// isotropic W = w I has the closed form r_n = max(0, −b_n/w), r_t = −b_t/w, shortened to μ_w r_n.
+/// isotropic W = w I has the closed form
+/// \f[ r_n = \max(0, −b_n/w), \quad r_t = −b_t/w \ \text{shortened to}\ μ_w r_n. \f]
 /// u: d, the node's velocity with the contact's present impulse in it; inverse_mass: w, 1/kg.
 template <int Dim>
 Vec<Dim> contact_impulse(const Contact<Dim>& contact, const Vec<Dim>& u, double inverse_mass) {

@@ -22,14 +22,15 @@ struct Residual {
   bool finite() const { return std::isfinite(l2) && std::isfinite(max); }
 };
 
-/// Measures residuals. Cone i contributes the energy e_i = w_i |f_MFB(γ_i/w_i, λ_i)|², w_i = tr
-/// W_ii / s; a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass (a free body's: the bound of
-/// its W). l2 = sqrt(Σ e / E), with E
-/// the energy of the solution itself, Σ w_i |λ_i|² + Σ w_j |r|², and at least that of the masses at
-/// the problem's velocity_scale; max is the largest sqrt(e) in units of sqrt(E / number). All cones
-/// count, whatever a solver skipped. A solution whose stresses are wrong by a fraction x shows a
-/// residual of about x. (Weights w_i, not volumes: a tiny stress error on a light node is a large
-/// error of its velocity.)
+/// Measures residuals. Cone i contributes the energy
+/// \f[ e_i = w_i\, |f_{MFB}(γ_i/w_i, λ_i)|^2, \quad w_i = \mathrm{tr}\, W_{ii} / s, \f]
+/// a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass (a free body's: the bound of its W).
+/// Compared with the energy of the solution itself,
+/// \f[ l_2 = \sqrt{\sum e / E}, \quad E = \sum_i w_i |λ_i|^2 + \sum_j w_j |r_j|^2, \f]
+/// E being at least that of the masses at the problem's velocity_scale; max is the largest sqrt(e)
+/// in units of sqrt(E / number). All cones count, whatever a solver skipped. A solution whose
+/// stresses are wrong by a fraction x shows a residual of about x. (Weights w_i, not volumes: a
+/// tiny stress error on a light node is a large error of its velocity.)
 template <int Dim>
 class ResidualMeter {
  public:
