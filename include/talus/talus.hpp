@@ -6,6 +6,7 @@
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
+#include "talus/boundary/floor.hpp"
 #include "talus/boundary/gate.hpp"
 #include "talus/boundary/mesh_distance.hpp"
 #include "talus/boundary/node_in_solid.hpp"
@@ -35,6 +36,8 @@
 #include "talus/diagnostics/particle_fields.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/quantiles.hpp"
+#include "talus/diagnostics/silo.hpp"
+#include "talus/diagnostics/totals.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"
 #include "talus/io/checkpoint.hpp"
