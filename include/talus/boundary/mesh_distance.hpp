@@ -25,7 +25,7 @@ namespace talus::shapes {
 class SampledMesh {
  public:
   /// triangles: corners of each, m; spacing: of the lattice, m, the grid's cell or less.
-  /// Throws std::invalid_argument if the mesh is empty, not closed, or too large for the spacing.
+  /// Throws std::invalid_argument if the mesh is empty, not closed, or needs 1e7 nodes or more.
   SampledMesh(const std::vector<std::array<Vec<3>, 3>>& triangles, double spacing)
       : spacing_(spacing) {
     require_positive("mesh: spacing", spacing);
@@ -48,8 +48,9 @@ class SampledMesh {
     for (int a = 0; a < 3; ++a) {
       const double cells = std::ceil((upper_[a] - lower_[a]) / spacing) + 2 * margin;
       nodes *= cells + 1;
-      if (!(nodes < 1e8))
-        throw_invalid("mesh: the number of lattice nodes", nodes, "below 1e8: a larger spacing");
+      if (!(nodes < 1e7))
+        throw_invalid("mesh: the number of lattice nodes", nodes,
+                      "below 1e7, 80 MB: a larger spacing");
       count_[a] = static_cast<int>(cells) + 1;
     }
     sample(facets);
