@@ -28,6 +28,7 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/parallel.hpp"
 #include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"

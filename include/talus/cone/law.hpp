@@ -35,10 +35,29 @@ Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned> basis_vector() {
   return Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned>(values.data());
 }
 
+/// |x_T|, without overflow on the way. x: N.
+template <int N, class Scalar>
+Scalar tangential_norm(const Eigen::Matrix<Scalar, N, 1>& x) {
+  using std::abs, std::sqrt;
+  Scalar largest(0), sum(0);
+  for (int k = 1; k < N; ++k)
+    if (!(abs(x[k]) <= largest)) // a NaN is kept
+      largest = abs(x[k]);
+  if (largest == 0)
+    return largest;
+  for (int k = 1; k < N; ++k) {
+    const Scalar part = x[k] / largest;
+    sum += part * part;
+  }
+  return largest * sqrt(sum);
+}
+
 /// x with 0 in place of x_N.
 template <int N, class Scalar>
 Vec<N, Scalar> tangential(const Eigen::Matrix<Scalar, N, 1>& x) {
-  return x - x[0] * basis_vector<N, Scalar, 0>();
+  Vec<N, Scalar> t = x;
+  t[0] = 0;
+  return t;
 }
 
 /// The Fischer–Burmeister function on the Jordan algebra of K_1:
@@ -56,10 +75,15 @@ Vec<N, Scalar> fischer_burmeister_unscaled(const Vec<N, Scalar>& x, const Vec<N,
   const Scalar x_norm = sqrt(pp), y_norm = sqrt(qq);
   const Scalar x_det = (a - x_norm) * (a + x_norm), y_det = (b - y_norm) * (b + y_norm);
   const Scalar cross = a * b - pq, gram = max(Scalar(0), pp * qq - pq * pq);
+  const Vec<N, Scalar> mixed = a * q - b * p;
   const Scalar det =
-      x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + (a * q - b * p).squaredNorm());
+      x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + mixed.squaredNorm());
   const Scalar s0 = sqrt((a * a + b * b + pp + qq + sqrt(det)) / 2);
-  return p + q - (a * p + b * q) / s0 + (a + b - s0) * basis_vector<N, Scalar, 0>();
+  Vec<N, Scalar> f;
+  f[0] = a + b - s0;
+  for (int k = 1; k < N; ++k)
+    f[k] = p[k] + q[k] - (a * p[k] + b * q[k]) / s0;
+  return f;
 }
 
 /// The same for any x and y.
@@ -98,14 +122,14 @@ template <int N, class Scalar>
 Vec<N, Scalar> law_residual(CoulombLaw, const Vec<N, Scalar>& gamma, const Vec<N, Scalar>& lambda,
                             Scalar friction) {
   Vec<N, Scalar> shifted = gamma;
-  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  shifted[0] += friction * tangential_norm<N, Scalar>(gamma);
   return law_residual(AssociatedLaw{}, shifted, lambda, friction);
 }
 
 /// The point of K_μ nearest to x. μ ≥ 0.
 template <int N, class Scalar>
 Vec<N, Scalar> project_on_cone(const Vec<N, Scalar>& x, Scalar friction) {
-  const Scalar tangent = x.template tail<N - 1>().stableNorm();
+  const Scalar tangent = tangential_norm<N, Scalar>(x);
   if (friction * tangent <= -x[0])
     return Vec<N, Scalar>::Zero();
   if (tangent <= friction * x[0])
@@ -129,7 +153,7 @@ template <int N, class Scalar>
 Vec<N, Scalar> natural_residual(CoulombLaw, const Vec<N, Scalar>& gamma,
                                 const Vec<N, Scalar>& lambda, Scalar friction, Scalar rho) {
   Vec<N, Scalar> shifted = gamma;
-  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  shifted[0] += friction * tangential_norm<N, Scalar>(gamma);
   return natural_residual(AssociatedLaw{}, shifted, lambda, friction, rho);
 }
 

@@ -19,9 +19,15 @@ Scalar largest_eigenvalue_bound(const Mat<N, Scalar>& w) {
   const Scalar scale = w.trace();
   if (!(scale > 0))
     return 0;
-  const Mat<N, Scalar> unit = w / scale, square = unit * unit;
-  const Scalar by_power = sqrt(sqrt((square * square).norm()));
-  const Scalar by_rows = unit.cwiseAbs().colwise().sum().maxCoeff();
+  const Mat<N, Scalar> unit = w / scale, square = unit * unit, fourth = square * square;
+  const Scalar by_power = sqrt(sqrt(fourth.norm()));
+  Scalar by_rows(0);
+  for (int c = 0; c < N; ++c) {
+    Scalar row(0);
+    for (int r = 0; r < N; ++r)
+      row += std::abs(unit(r, c));
+    by_rows = std::max(by_rows, row);
+  }
   return scale * std::min(by_power, by_rows);
 }
 

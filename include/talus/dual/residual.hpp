@@ -3,6 +3,7 @@
 
 #include "talus/cone/law.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/dual/body_contact.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
@@ -102,12 +103,15 @@ class ResidualMeter {
   /// u: Dim, velocity at the contact; inverse_mass: w_j.
   static void add_contact(Sums& sums, const Contact<Dim>& contact, const Vec<Dim>& u,
                           double inverse_mass) {
-    const Vec<Dim> w = (u - contact.wall_velocity) / inverse_mass;
+    const Vec<Dim> w = scaled<Dim>(1 / inverse_mass, minus<Dim>(u, contact.wall_velocity));
     // (normal, tangential vector in the frame of the box): the law only sees norms of tangents
     Vec<Dim + 1> gamma, lambda;
-    gamma << w.dot(contact.normal), w - w.dot(contact.normal) * contact.normal;
-    lambda << contact.impulse.dot(contact.normal),
-        contact.impulse - contact.impulse.dot(contact.normal) * contact.normal;
+    gamma[0] = dot<Dim>(w, contact.normal);
+    lambda[0] = dot<Dim>(contact.impulse, contact.normal);
+    for (int a = 0; a < Dim; ++a) {
+      gamma[a + 1] = w[a] - gamma[0] * contact.normal[a];
+      lambda[a + 1] = contact.impulse[a] - lambda[0] * contact.normal[a];
+    }
     sums.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
              lambda.squaredNorm(), inverse_mass);
   }

@@ -256,10 +256,12 @@ class GaussSeidel {
   static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads,
                           double beta) {
     const auto move = [&](auto& value, auto& last) {
-      const auto now = value;
-      if (beta > 0)
-        value += beta * (now - last);
-      last = now;
+      for (Eigen::Index k = 0; k < value.size(); ++k) {
+        const double now = value[k];
+        if (beta > 0)
+          value[k] += beta * (now - last[k]);
+        last[k] = now;
+      }
     };
     const auto move_all = [&](auto& values, auto& last) {
       if (last.size() != values.size())

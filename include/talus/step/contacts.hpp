@@ -5,6 +5,7 @@
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/node_in_solid.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
 #include "talus/dual/problem.hpp"
@@ -139,7 +140,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
         continue;
       contact.node = node;
       contact.normal = seen.normal;
-      contact.arm = x - state.position;
+      contact.arm = minus<Dim>(x, state.position);
       contact.impulse.setZero();
       add(contact);
     }
@@ -154,8 +155,10 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
           touch.source = bounds.face_source(axis, upper);
           touch.body = static_cast<int>(b);
           touch.normal[axis] = upper ? 1 : -1;
-          touch.arm = state.rotation * body.corners[c] + body.corner_radius * touch.normal;
-          touch.wall_velocity = -gap / time_step * touch.normal; // it may come as near as that
+          touch.arm = plus_scaled<Dim>(product<Dim>(state.rotation, body.corners[c]),
+                                       body.corner_radius, touch.normal);
+          touch.wall_velocity =
+              scaled<Dim>(-gap / time_step, touch.normal); // it may come as near as that
           touch.friction = face.kind == FaceKind::stick        ? body.friction
                            : face.kind == FaceKind::frictional ? face.friction
                                                                : 0;

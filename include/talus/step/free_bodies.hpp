@@ -7,6 +7,7 @@
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 
@@ -37,8 +38,7 @@ void check_body_state(const RigidState<Dim>& body) {
   }
   for (int a = 0; a < spin_size<Dim>; ++a)
     require_finite("a body's angular velocity", body.angular_velocity[a]);
-  const Mat<Dim> product = body.rotation * body.rotation.transpose();
-  const double error = (product - Mat<Dim>::Identity()).norm();
+  const double error = orthogonality_error<Dim>(body.rotation);
   if (!(error < 1e-9))
     throw_invalid("a body's |R Rᵀ - I|", error, "a rotation, < 1e-9");
 }
@@ -48,7 +48,7 @@ template <int Dim, class Visit>
 void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const Body<Dim>& body,
                          const RigidState<Dim>& state, const Visit& visit) {
   for (std::size_t c = 0; c < body.corners.size(); ++c) {
-    const Vec<Dim> x = state.position + state.rotation * body.corners[c];
+    const Vec<Dim> x = plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[c]));
     for (int a = 0; a < Dim; ++a) {
       const std::size_t s = static_cast<std::size_t>(a);
       if (faces.lower[s].kind != FaceKind::free)
@@ -89,7 +89,7 @@ FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Di
     check_body_start(body, grid, faces, nodes);
     double radius = 0;
     for (const Vec<Dim>& corner : body.corners)
-      radius = std::max(radius, corner.norm() + body.corner_radius);
+      radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);
     free.radius.push_back(radius);
     free.state.push_back(body.start);
     if (body.rotates) {
@@ -108,7 +108,7 @@ Mat<spin_size<Dim>> in_box(const RigidState<Dim>& body, const Mat<spin_size<Dim>
   if constexpr (Dim == 2)
     return tensor;
   else
-    return body.rotation * tensor * body.rotation.transpose();
+    return matrix_product_transposed<3>(matrix_product<3>(body.rotation, tensor), body.rotation);
 }
 
 /// Puts the bodies into the problem as they would go on without contacts: with the change that
@@ -118,7 +118,7 @@ void set_free_velocities(const std::vector<Body<Dim>>& bodies, const FreeBodies<
                          const Vec<Dim>& change, DualProblem<Dim>& problem) {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     FreeBody<Dim>& body = problem.bodies[b];
-    body.velocity = free.state[b].velocity + change;
+    body.velocity = plus<Dim>(free.state[b].velocity, change);
     body.angular_velocity = free.state[b].angular_velocity;
     body.inverse_mass = 1 / bodies[b].mass;
     body.inverse_inertia = in_box(free.state[b], free.inverse_inertia[b]);
@@ -134,10 +134,12 @@ void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& p
     RigidState<Dim>& body = free.state[b];
     body.velocity = problem.bodies[b].velocity;
     body.angular_velocity = problem.bodies[b].angular_velocity;
-    const Spin<Dim> momentum = in_box(body, bodies[b].inertia) * body.angular_velocity;
+    const Spin<Dim> momentum =
+        product<spin_size<Dim>>(in_box(body, bodies[b].inertia), body.angular_velocity);
     body.advance(time);
     if (Dim == 3 && bodies[b].rotates)
-      body.angular_velocity = in_box(body, free.inverse_inertia[b]) * momentum;
+      body.angular_velocity =
+          product<spin_size<Dim>>(in_box(body, free.inverse_inertia[b]), momentum);
   }
 }
 
