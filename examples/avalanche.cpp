@@ -96,7 +96,6 @@ int run(const Options& options) {
   params.rheology.mu = options.friction;
   params.solver.tolerance = options.tolerance;
   params.threads = options.common.threads;
-  // Relief throws grains off a flowing surface, which then never rests; see docs/validation.md.
   params.packing = options.packing;
   // Few particles, or random positions, leave soft spots that creep below the friction angle.
   const talus::Seeding seeding{.per_axis = options.per_axis, .jitter = options.jitter};

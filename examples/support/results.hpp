@@ -60,6 +60,7 @@ class SolverStatistics {
     local_misses_ += report.solve.local_misses;
     cones_max_ = std::max(cones_max_, report.cones);
     outflow_ += report.outflow;
+    outflow_volume_ += report.outflow_volume;
     seconds_.to_grid += report.seconds.to_grid;
     seconds_.assembly += report.seconds.assembly;
     seconds_.solve += report.seconds.solve;
@@ -74,6 +75,7 @@ class SolverStatistics {
         {"local_misses", local_misses_},
         {"cones_max", cones_max_},
         {"outflow", outflow_},
+        {"outflow_volume", outflow_volume_},
         {"iterations", iterations_},
         {"iterations_max", iterations_max_},
         {"residual_max", residual_max_},
@@ -85,12 +87,16 @@ class SolverStatistics {
     state.at("local_misses").get_to(local_misses_);
     state.at("cones_max").get_to(cones_max_);
     state.at("outflow").get_to(outflow_);
+    state.at("outflow_volume").get_to(outflow_volume_);
     state.at("iterations").get_to(iterations_);
     state.at("iterations_max").get_to(iterations_max_);
     state.at("residual_max").get_to(residual_max_);
     const auto& seconds = state.at("seconds");
     seconds_ = {seconds.at(0), seconds.at(1), seconds.at(2), seconds.at(3)};
   }
+
+  /// What left through free faces, m^d.
+  double outflow_volume() const { return outflow_volume_; }
 
   nlohmann::json solver_json() const {
     return {{"iterations_mean", iterations_mean()}, {"iterations_max", iterations_max_},
@@ -125,7 +131,7 @@ class SolverStatistics {
   std::size_t steps_ = 0, not_converged_ = 0, local_misses_ = 0, cones_max_ = 0, outflow_ = 0;
   long iterations_ = 0;
   int iterations_max_ = 0;
-  double residual_max_ = 0;
+  double residual_max_ = 0, outflow_volume_ = 0;
   talus::PhaseSeconds seconds_;
 };
 

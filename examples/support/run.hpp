@@ -4,6 +4,7 @@
 #include "command_line.hpp"
 #include "results.hpp"
 #include "resume.hpp"
+#include "series.hpp"
 
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
@@ -75,16 +76,13 @@ inline void add_run_options(CLI::App& app, RunOptions& options, const std::strin
 ///     Run run(sim, "silo", options, inputs);
 ///     if (run.finished()) // earlier, with --resume
 ///       return 0;
-///     auto& table = run.table("rate.csv", {"time_s", "out_m2"});
-///     double out = 0;
-///     run.keep("out", out); // part of the checkpoint
-///     while (run.advance()) {
-///       out += run.report().outflow_volume;
+///     auto& flow = run.series("flow.csv", {"time_s", "out_m2"});
+///     while (run.advance())
 ///       if (run.sample_due())
-///         table.row(run.time(), out);
-///     }
-///     run.write_summary({{"measured", {{"out_m2", out}}}});
-///     return run.finish("plot_run.py");
+///         flow.row(run.time(), run.outflow_volume());
+///     return run.finish({{"out_m2", run.outflow_volume()}},
+///                       support::picture("Silo", "it empties", "time (s)", flow["time_s"],
+///                                        "out (m²)", flow["out_m2"]));
 template <class Sim>
 class Run {
  public:
@@ -136,12 +134,6 @@ class Run {
   /// Was the run finished before, and --resume asks for no more?
   bool finished() const { return finished_; }
 
-  /// summary.json of a finished run.
-  json summary() const {
-    std::ifstream file(summary_file());
-    return json::parse(file);
-  }
-
   /// A table in the run's folder; after a resume it goes on.
   talus::CsvWriter& table(const std::string& file, const std::vector<std::string>& columns) {
     Table& added = tables_.emplace_back();
@@ -151,6 +143,15 @@ class Run {
     else
       added.writer.open(out_ / file, columns);
     return added.writer;
+  }
+
+  /// The same for a table of numbers whose columns are read again in the end.
+  Series& series(const std::string& file, const std::vector<std::string>& columns) {
+    Series& added = series_.emplace_back(table(file, columns), columns);
+    keep(
+        file, [&added] { return json(added.columns()); },
+        [&added](const json& earlier) { added.restore(earlier.get<Series::Columns>()); });
+    return added;
   }
 
   /// Makes a variable part of the checkpoint; after a resume it has the value that it had.
@@ -203,6 +204,8 @@ class Run {
   double time() const { return sim_.time() - options_.time_zero; }
   double time_before() const { return time_before_; }
   const talus::StepReport& report() const { return report_; }
+  /// What left through free faces since the start, m^d.
+  double outflow_volume() const { return statistics_.outflow_volume(); }
   const fs::path& folder() const { return out_; }
 
   std::function<void(double time)> on_snapshot; ///< what else to write
@@ -227,6 +230,16 @@ class Run {
                     {"state_checksum", talus::state_checksum(sim_.particles())}};
     summary.update(results);
     write_json(summary_file(), summary);
+  }
+
+  /// What a short program ends with: writes the summary, with what it measured and what plot_run.py
+  /// is to draw (see run_picture.hpp), prints the facts, and finishes.
+  int finish(const json& measured, const json& picture) {
+    write_summary({{"measured", measured}, {"picture", picture}});
+    if (!options_.common.quiet)
+      for (const json& fact : picture.at("facts"))
+        std::printf("%s\n", fact.get<std::string>().c_str());
+    return finish("plot_run.py");
   }
 
   /// Prints what the run cost, draws the picture, removes the checkpoint. Returns the exit status.
@@ -360,6 +373,7 @@ class Run {
   std::optional<json> earlier_; ///< notes of the checkpoint that the run goes on from
   bool finished_ = false;
   std::list<Table> tables_; ///< their addresses are given away
+  std::list<Series> series_;
   talus::CsvWriter* sections_ = nullptr;
   std::vector<std::pair<std::string, std::function<json()>>> kept_;
   std::optional<talus::VtkSeries> particle_series_, grid_series_;

@@ -12,13 +12,19 @@
 
 namespace support {
 
-/// A title, a fact below it, and one curve y(x) beside the snapshots.
+/// The snapshots, with a title and a fact above them.
+inline nlohmann::json picture(const std::string& title, const std::string& fact) {
+  return {{"title", title}, {"facts", {fact}}};
+}
+
+/// The same, and one curve y(x) below them.
 inline nlohmann::json picture(const std::string& title, const std::string& fact,
                               const std::string& x_label, const std::vector<double>& x,
                               const std::string& y_label, const std::vector<double>& y) {
   const nlohmann::json curve = {{"kind", "line"}, {"label", "talus"}, {"x", x}, {"y", y}};
-  const nlohmann::json panel = {{"x", x_label}, {"y", y_label}, {"curves", {curve}}};
-  return {{"title", title}, {"facts", {fact}}, {"panels", {panel}}};
+  nlohmann::json all = picture(title, fact);
+  all["panels"] = {{{"x", x_label}, {"y", y_label}, {"curves", {curve}}}};
+  return all;
 }
 
 /// printf into a text.

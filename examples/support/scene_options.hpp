@@ -32,7 +32,7 @@ template <int Dim>
 using SceneSimulation =
     talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
 
-/// What `options` holds when they are added is the default.
+/// What it holds when add_scene_options is called is the default.
 struct SceneOptions {
   int dimension = 2;
   double cell = 0.01; ///< m
@@ -50,9 +50,6 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
   static const std::map<std::string, Pattern> patterns{{"jittered", Pattern::jittered},
                                                        {"random", Pattern::random},
                                                        {"blue-noise", Pattern::blue_noise}};
-  app.add_option("--dim", options.dimension, "Dimension")
-      ->check(CLI::IsMember({2, 3}))
-      ->capture_default_str();
   app.add_option("--cell", options.cell, "Edge of a cell, m")->capture_default_str();
   app.add_option("--time-step", options.time_step, "s; default: 0.05 sqrt(cell/g)");
   app.add_option("--friction", options.friction, "Of the material")->capture_default_str();

@@ -24,6 +24,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <sys/file.h>
 #include <sys/types.h>
 #include <sys/wait.h>
 #include <system_error>
@@ -36,13 +37,15 @@
 #endif
 
 /// \file
-/// Studies: many runs of the program `collapse`, side by side, each in a folder of its own, and
-/// what is read from their results.
+/// Studies: many runs of another program, side by side, each in a folder of its own, and what is
+/// read from their results.
 
 namespace support {
 
 struct StudyOptions {
-  std::string resolution = "coarse", write_jobs;
+  std::string resolution = "coarse"; ///< of `collapse`; empty for other programs
+  std::string write_jobs{};
+  std::optional<double> end_time{}; ///< s; without: at rest
   bool overwrite = false;
   CommonOptions common{};
 
@@ -50,9 +53,14 @@ struct StudyOptions {
 };
 
 inline void add_study_options(CLI::App& app, StudyOptions& options, const std::string& name) {
-  app.add_option("--resolution", options.resolution, "Of all runs")
-      ->check(CLI::IsMember({"coarse", "reference"}))
-      ->capture_default_str();
+  if (!options.resolution.empty()) {
+    app.add_option("--resolution", options.resolution, "Of all runs")
+        ->check(CLI::IsMember({"coarse", "reference"}))
+        ->capture_default_str();
+    app.add_option(
+        "--end-time", options.end_time,
+        "For a trial: end each run so many seconds after the gate's opening, not at rest");
+  }
   app.add_flag("--overwrite", options.overwrite, "Replace unfinished runs instead of going on");
   app.add_option("--write-jobs", options.write_jobs,
                  "Run nothing, but write an array-job script for a batch system (sbatch) to this "
@@ -60,10 +68,11 @@ inline void add_study_options(CLI::App& app, StudyOptions& options, const std::s
   add_common_options(app, options.common, "out/" + name);
 }
 
-/// One run of `collapse`.
+/// One run of a program.
 struct Job {
   std::string name;                   ///< of its folder
   std::vector<std::string> arguments; ///< --out and --resolution come with the study
+  std::string program = "collapse";
 };
 
 /// A number as an argument.
@@ -77,7 +86,7 @@ inline std::string text(double value) {
 struct Interrupted {};
 
 /// Runs jobs, as many at once as there are threads. A run that is finished is not run again and one
-/// that was killed goes on (collapse --resume), so that the same command goes on with a sweep that
+/// that was killed goes on (--resume), so that the same command goes on with a sweep that
 /// was stopped, whatever stopped it.
 class Sweep {
  public:
@@ -147,8 +156,12 @@ class Sweep {
 
  private:
   std::vector<std::string> command(const Job& job) const {
-    std::vector<std::string> words = {TALUS_COLLAPSE, "--resolution", options_.resolution};
+    std::vector<std::string> words = {TALUS_PROGRAMS_DIR "/" + job.program};
+    if (!options_.resolution.empty())
+      words.insert(words.end(), {"--resolution", options_.resolution});
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
+    if (options_.end_time)
+      words.insert(words.end(), {"--end-time", text(*options_.end_time)});
     for (const char* word : {"--threads", "1", "--vtk", "none", "--quiet", "--no-plot"})
       words.push_back(word);
     words.push_back(options_.overwrite ? "--overwrite" : "--resume");
@@ -178,7 +191,11 @@ class Sweep {
 #else
     static_cast<void>(parent);
 #endif
-    const int file = open(log.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    // The lock lasts as long as the run: one of a killed sweep may still be saving what it has.
+    const int file = open(log.c_str(), O_WRONLY | O_CREAT, 0666);
+    flock(file, LOCK_EX);
+    if (interrupted() || ftruncate(file, 0) != 0)
+      _exit(1);
     dup2(file, STDOUT_FILENO);
     dup2(file, STDERR_FILENO);
     execv(arguments[0], arguments.data());
@@ -315,10 +332,16 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
     table.close();
     if (!table)
       throw std::runtime_error("cannot write " + (out / (name + ".csv")).string());
+    nlohmann::json inputs = nlohmann::json::object();
+    std::string title = results.title;
+    if (!options.resolution.empty()) {
+      inputs["resolution"] = options.resolution;
+      title += ", " + options.resolution + " resolution";
+    }
     write_json(out / "summary.json", {{"program", name},
                                       {"versions", versions()},
                                       {"status", "completed"},
-                                      {"inputs", {{"resolution", options.resolution}}},
+                                      {"inputs", inputs},
                                       {"measured", results.measured},
                                       {"wall_seconds", stopwatch.seconds()}});
     if (!options.common.quiet) {
@@ -331,8 +354,7 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
         std::printf("\n");
       }
     }
-    draw_panels(options.common, name, results.title + ", " + options.resolution + " resolution",
-                results.panels);
+    draw_panels(options.common, name, title, results.panels);
     return 0;
   } catch (const Interrupted&) {
     if (!options.write_jobs.empty())

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-// What the example programs read: case files, tables to go on with, the summary of an earlier run.
+// What the example programs read: case files, tables to go on with, the summary of an earlier run;
+// and triangle meshes.
 // Any bytes give an error in words or a result. The first byte says which reader.
 
 #include "input_file.hpp"
@@ -8,7 +9,9 @@
 #include "support/policies.hpp"
 #include "support/resume.hpp"
 
+#include "talus/boundary/mesh_distance.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/stl.hpp"
 
 #include <algorithm>
 #include <array>
@@ -80,6 +83,28 @@ void read_summary(std::string_view bytes) {
   static_cast<void>(checkpoints.finished());
 }
 
+void read_mesh(std::string_view bytes) {
+  talus::TriangleMesh mesh;
+  try {
+    mesh = talus::read_stl(fuzz::write("mesh.stl", bytes));
+  } catch (const std::runtime_error& error) {
+    if (std::string_view(error.what()).find("cannot read") != 0)
+      std::abort();
+    return;
+  }
+  double extent = 0;
+  for (const auto& triangle : mesh)
+    for (const auto& corner : triangle) {
+      if (!corner.allFinite())
+        std::abort();
+      extent = std::max(extent, (corner - mesh[0][0]).cwiseAbs().maxCoeff());
+    }
+  in_words([&] {
+    const talus::shapes::SampledMesh solid(mesh, extent / 2);
+    static_cast<void>(solid.distance(mesh[0][0]));
+  });
+}
+
 } // namespace
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
@@ -94,6 +119,19 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
     save("table", "c\x04"
                   "a,b\n1,2\n");
     save("summary", R"(s{"inputs": {"case": "B15"}, "status": "completed"})");
+    std::string tetrahedron = "msolid t\n";
+    for (const char* facet :
+         {"0 0 0|0 1 0|1 0 0", "0 0 0|1 0 0|0 0 1", "0 0 0|0 0 1|0 1 0", "1 0 0|0 1 0|0 0 1"}) {
+      tetrahedron += std::string("vertex ") + facet + "\n";
+      for (std::size_t at; (at = tetrahedron.find('|')) != std::string::npos;)
+        tetrahedron.replace(at, 1, "\nvertex ");
+    }
+    save("tetrahedron", tetrahedron);
+    save("ascii", "msolid a\nfacet\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1e-3 0\nendsolid\n");
+    std::string binary(1 + 84 + 50, '\0');
+    binary[0] = 'm';
+    binary[81] = 1; // one triangle
+    save("binary", binary);
     std::exit(0);
   }
   return 0;
@@ -107,6 +145,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     resume_table(bytes);
   else if (data[0] == 's')
     read_summary(bytes);
+  else if (data[0] == 'm')
+    read_mesh(bytes);
   else
     read_case(bytes);
   return 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/diagnostics/totals.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
@@ -58,28 +59,6 @@ Particles<Dim> block(const GridParams<Dim>& grid, double x0, double x1, double z
   upper[up_axis<Dim>] = z1;
   fill_box(particles, Grid<Dim>(grid), lower, upper, {.per_axis = 2, .jitter = jitter});
   return particles;
-}
-
-template <class S>
-auto mean_velocity(const S& sim) {
-  Vec<S::dimension> momentum = Vec<S::dimension>::Zero();
-  double volume = 0;
-  for (std::size_t p = 0; p < sim.particles().size(); ++p) {
-    momentum += sim.particles().volume[p] * sim.particles().velocity[p];
-    volume += sim.particles().volume[p];
-  }
-  return Vec<S::dimension>(momentum / volume);
-}
-
-template <class S>
-auto centre_of_mass(const S& sim) {
-  Vec<S::dimension> sum = Vec<S::dimension>::Zero();
-  double volume = 0;
-  for (std::size_t p = 0; p < sim.particles().size(); ++p) {
-    sum += sim.particles().volume[p] * sim.particles().position[p];
-    volume += sim.particles().volume[p];
-  }
-  return Vec<S::dimension>(sum / volume);
 }
 
 } // namespace scenes

@@ -135,7 +135,7 @@ TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
       scenes::Sim<2> sim(params, sand_where<2>(params.grid, [&](const Vec<2>& x) {
                            return top.distance(x) > surface && top.distance(x) < surface + 0.06;
                          }));
-      const auto start = scenes::centre_of_mass(sim);
+      const auto start = centre_of_mass(sim.particles());
       while (sim.time() < 0.3) {
         const StepReport report = sim.step();
         CHECK(report.completed());
@@ -146,7 +146,7 @@ TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
         lowest = std::min(lowest, top.distance(x));
       INFO("thickness ", thickness, ", shift ", shift);
       CHECK(lowest > surface - 0.25 * cell);
-      CHECK((scenes::centre_of_mass(sim) - start).norm() < 0.1 * cell);
+      CHECK((centre_of_mass(sim.particles()) - start).norm() < 0.1 * cell);
       CHECK(sim.obstacle_wrench(0).force[1] == doctest::Approx(-weight(sim)).epsilon(0.02));
       CHECK(sim.volume_fraction({7, 8}) > 0.8);
     }
@@ -335,7 +335,7 @@ void drum_is_tight() {
     for (const auto& x : sim.particles().position)
       CHECK(from_axis(x) < radius + 0.5 * 0.015);
   }
-  CHECK(scenes::centre_of_mass(sim)[0] > 0.16); // carried up on the right
+  CHECK(centre_of_mass(sim.particles())[0] > 0.16); // carried up on the right
 }
 
 } // namespace

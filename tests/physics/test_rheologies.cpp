@@ -139,14 +139,14 @@ void shear_wave() {
     particles.affine[p](0, up_axis<Dim>) = slope;
   }
   Sim<Dim> sim(params, particles);
-  const auto momentum = scenes::mean_velocity(sim);
+  const auto momentum = mean_velocity(sim.particles());
   const double k = std::numbers::pi / height, rate = eta * k * k / density;
   for (int n = 0; n < 50; ++n) {
     const StepReport report = sim.step();
     CHECK(report.viscous.status == SolveStatus::converged);
     CHECK(report.viscous.iterations > 0);
     CHECK(report.viscous.residual <= 1e-8);
-    const Vec<Dim> change = scenes::mean_velocity(sim) - momentum;
+    const Vec<Dim> change = mean_velocity(sim.particles()) - momentum;
     CHECK(std::abs(change[0]) < 1e-15);
     CHECK(std::abs(change[up_axis<Dim>]) < 1e-15);
   }
@@ -205,10 +205,10 @@ TEST_CASE("a cohesive blob holds together, moves on as it did, and is at rest if
       particles.velocity[p] =
           speed * (particles.position[p] - Vec<2>(0.2, 0.2)) + Vec<2>(speed, speed / 2);
     Sim<2> sim(params, particles);
-    const Vec<2> momentum = scenes::mean_velocity(sim);
+    const Vec<2> momentum = mean_velocity(sim.particles());
     for (int n = 0; n < 300; ++n) {
       CHECK(sim.step().solve.status == SolveStatus::converged);
-      CHECK((scenes::mean_velocity(sim) - momentum).norm() <= 1e-13 * speed);
+      CHECK((mean_velocity(sim.particles()) - momentum).norm() <= 1e-13 * speed);
     }
     double strain = 0; // of the distances from the middle
     for (std::size_t p = 0; p < particles.size(); ++p) {
@@ -372,9 +372,9 @@ TEST_CASE("momentum is what gravity gives and the floor takes, by viscous and co
   for (const double v : particles.volume)
     mass += density * v;
   for (int n = 0; n < 50; ++n) {
-    const Vec<2> before = mass * scenes::mean_velocity(sim);
+    const Vec<2> before = mass * mean_velocity(sim.particles());
     CHECK(sim.step().viscous.iterations > 0);
-    const Vec<2> after = mass * scenes::mean_velocity(sim);
+    const Vec<2> after = mass * mean_velocity(sim.particles());
     const Vec<2> force = mass * params.gravity - sim.face_wrench(1, false).force;
     CHECK((after - before - params.time_step * force).norm() < 1e-12 * mass * g * params.time_step);
   }

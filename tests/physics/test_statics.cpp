@@ -16,7 +16,7 @@ void hydrostatic(int steps, double mu) {
   const double height = 0.1;
   const auto params = scenes::box<Dim>({0.1, 0.06, 0.13}, {5, 3, 13}, 0, mu);
   scenes::Sim<Dim> sim(params, scenes::block<Dim>(params.grid, 0, 0.1, 0, height));
-  const auto start = scenes::centre_of_mass(sim);
+  const auto start = centre_of_mass(sim.particles());
   double fastest = 0;
   for (int n = 0; n < steps; ++n) {
     const StepReport report = sim.step();
@@ -24,7 +24,7 @@ void hydrostatic(int steps, double mu) {
     fastest = std::max(fastest, largest_speed(sim));
   }
   CHECK(fastest < 1e-4); // m/s
-  CHECK((scenes::centre_of_mass(sim) - start).norm() < 1e-4 * height);
+  CHECK((centre_of_mass(sim.particles()) - start).norm() < 1e-4 * height);
   // The mean of σ_zz over a horizontal section is ρ g (H − z). With friction single values are not
   // determined, nor is the pressure, which is a mean over all directions.
   const int up = up_axis<Dim>;

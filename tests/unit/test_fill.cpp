@@ -69,6 +69,17 @@ double closest_pair(const Particles<Dim>& particles, const Vec<Dim>& spacing) {
 
 } // namespace
 
+TEST_CASE("a bed is a box on the floor of the grid, as wide as it is") {
+  const Grid<3> grid({.origin = {-1, 0, 2}, .size = {1, 0.5, 1}, .cells = {4, 2, 4}});
+  Particles<3> bed, box;
+  CHECK(fill_bed(bed, grid, 0.3, {.per_axis = 2}) == 8 * 4 * 2);
+  fill_box<3>(box, grid, {-1, 0, 2}, {0, 0.5, 2.3}, {.per_axis = 2});
+  CHECK(bed.position == box.position);
+  CHECK(bed.volume == box.volume);
+  CHECK_THROWS_AS(fill_bed(bed, grid, 0, {}), std::invalid_argument);
+  CHECK_THROWS_AS(fill_bed(bed, grid, 1.1, {}), std::invalid_argument);
+}
+
 TEST_CASE("a box on the lattice is filled exactly, with equal particles") {
   const Box<2> box{{0.2, 0.1}, {0.7, 0.4}};
   for (const Pattern pattern : patterns) {

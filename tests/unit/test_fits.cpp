@@ -30,6 +30,19 @@ TEST_CASE("a line through exact points, and the textbook's errors of scattered o
   CHECK(std::isnan(fit_line({0, 1}, {0, 1}).slope_error));
 }
 
+TEST_CASE("a line through the points between two heights") {
+  const std::vector<double> x = {0, 1, 2, 3, 4}, y = {9, 8, 6, 4, 0};
+  const LineFit line = fit_line_between(x, y, 4, 8);
+  CHECK(line.points == 3);
+  CHECK(line.slope == doctest::Approx(-2));
+  CHECK(line(0) == doctest::Approx(10));
+  const LineFit none = fit_line_between(x, y, 7, 8);
+  CHECK(none.points == 1);
+  CHECK(std::isnan(none.slope));
+  CHECK(std::isnan(none(1)));
+  CHECK_THROWS_AS(fit_line_between(x, {1, 2}, 0, 9), std::invalid_argument);
+}
+
 TEST_CASE("a power law, in any units") {
   std::vector<double> x, y;
   for (const double a : {1.0, 3.0, 7.0, 20.0}) {

@@ -259,7 +259,10 @@ void check_spreading() {
       u[j][a] = random.uniform() - 0.5;
     spreading.excess[j] = random.uniform();
   }
-  const std::size_t forbidden = static_cast<std::size_t>(grid.node(Index<Dim>::Ones()));
+  Index<Dim> inner;
+  for (int a = 0; a < Dim; ++a)
+    inner[a] = 1;
+  const std::size_t forbidden = static_cast<std::size_t>(grid.node(inner));
   spreading.excess[forbidden] = -1;
   const double dt = 0.02;
   const Vec<Dim> everywhere = Vec<Dim>::Constant(std::numeric_limits<double>::infinity());

@@ -15,8 +15,9 @@
 namespace talus {
 
 /// A free rigid body: gravity, the material and the faces of the box move it, and it moves them.
-/// M dV = M g δt − Σ r, J dω = −Σ arm × r, with the impulses r of its contacts solved together with
-/// the stresses. Against faces it is its corners that touch, each a ball of corner_radius.
+/// \f[ M\, ΔV = M g\, δt − \sum_k r_k, \quad J\, Δω = −\sum_k a_k × r_k, \f]
+/// with the impulses r of its contacts, on arms a, solved together with the stresses. Against faces
+/// it is its corners that touch, each a ball of corner_radius.
 template <int Dim>
 struct Body {
   Shape<Dim> shape; ///< in its own frame, the origin at the centre of mass

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 
 #include <array>
@@ -39,5 +40,18 @@ struct Faces {
     }
   }
 };
+
+/// Calls visit(axis, upper, face) for every face of the box that a node lies on. index: the node's.
+template <int Dim, class Visit>
+void for_each_face(const Grid<Dim>& grid, const Faces<Dim>& faces, const Index<Dim>& index,
+                   const Visit& visit) {
+  for (int a = 0; a < Dim; ++a) {
+    const std::size_t s = static_cast<std::size_t>(a);
+    if (index[a] == 0)
+      visit(a, false, faces.lower[s]);
+    if (index[a] == grid.cells(a))
+      visit(a, true, faces.upper[s]);
+  }
+}
 
 } // namespace talus

@@ -12,8 +12,8 @@
 
 namespace talus {
 
-/// Motion of a pneumatic gate: U(t) = U_∞ (1 − exp(−t/τ)) from the opening on (Rousseau et al.
-/// 2023).
+/// Motion of a pneumatic gate from the opening on (Rousseau et al. 2023):
+/// \f[ U(t) = U_∞ (1 − e^{−t/τ}). \f]
 struct GateMotion {
   double opening_time = 0;     ///< s
   double terminal_speed = 0.7; ///< U_∞, m/s

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -25,7 +26,7 @@ namespace talus::shapes {
 class SampledMesh {
  public:
   /// triangles: corners of each, m; spacing: of the lattice, m, the grid's cell or less.
-  /// Throws std::invalid_argument if the mesh is empty, not closed, or too large for the spacing.
+  /// Throws std::invalid_argument if the mesh is empty, not closed, or needs 1e7 nodes or more.
   SampledMesh(const std::vector<std::array<Vec<3>, 3>>& triangles, double spacing)
       : spacing_(spacing) {
     require_positive("mesh: spacing", spacing);
@@ -34,13 +35,15 @@ class SampledMesh {
     std::vector<Facet> facets;
     lower_ = upper_ = triangles[0][0];
     for (const auto& corners : triangles) {
-      Facet facet{corners, (corners[0] + corners[1] + corners[2]) / 3, 0};
+      const Vec<3> corner_sum = plus<3>(plus<3>(corners[0], corners[1]), corners[2]);
+      Facet facet{corners, scaled<3>(1.0 / 3, corner_sum), 0};
       for (const Vec<3>& corner : corners) {
-        for (int a = 0; a < 3; ++a)
+        for (int a = 0; a < 3; ++a) {
           require_finite("mesh: a corner's coordinate", corner[a]);
-        lower_ = lower_.cwiseMin(corner);
-        upper_ = upper_.cwiseMax(corner);
-        facet.radius = std::max(facet.radius, (corner - facet.centre).norm());
+          lower_[a] = std::min(lower_[a], corner[a]);
+          upper_[a] = std::max(upper_[a], corner[a]);
+        }
+        facet.radius = std::max(facet.radius, norm<3>(minus<3>(corner, facet.centre)));
       }
       facets.push_back(facet);
     }
@@ -48,20 +51,22 @@ class SampledMesh {
     for (int a = 0; a < 3; ++a) {
       const double cells = std::ceil((upper_[a] - lower_[a]) / spacing) + 2 * margin;
       nodes *= cells + 1;
-      if (!(nodes < 1e8))
-        throw_invalid("mesh: the number of lattice nodes", nodes, "below 1e8: a larger spacing");
+      if (!(nodes < 1e7))
+        throw_invalid("mesh: the number of lattice nodes", nodes,
+                      "below 1e7, 80 MB: a larger spacing");
       count_[a] = static_cast<int>(cells) + 1;
     }
     sample(facets);
   }
 
   double distance(const Vec<3>& x) const {
-    Vec<3> place = (x - lower_) / spacing_; // from the mesh's corner, in cells
-    place.array() += margin;
+    Vec<3> place; // from the lattice's corner, in cells
+    for (int a = 0; a < 3; ++a)
+      place[a] = (x[a] - lower_[a]) / spacing_ + margin;
     Index<3> cell;
     for (int a = 0; a < 3; ++a) {
       if (!(place[a] >= 0 && place[a] <= count_[a] - 1)) // far away: the distance to its box
-        return (x - x.cwiseMax(lower_).cwiseMin(upper_)).norm();
+        return distance_to_box(x);
       cell[a] = std::min(static_cast<int>(place[a]), count_[a] - 2);
       place[a] -= cell[a];
     }
@@ -88,6 +93,13 @@ class SampledMesh {
     double radius; ///< of a ball about the centre that holds it, m
   };
 
+  double distance_to_box(const Vec<3>& x) const {
+    Vec<3> gap;
+    for (int a = 0; a < 3; ++a)
+      gap[a] = x[a] - std::clamp(x[a], lower_[a], upper_[a]);
+    return norm<3>(gap);
+  }
+
   std::size_t number(const Index<3>& node) const {
     return (static_cast<std::size_t>(node[0]) * static_cast<std::size_t>(count_[1]) +
             static_cast<std::size_t>(node[1])) *
@@ -109,7 +121,7 @@ class SampledMesh {
             x[a] += spacing_ * (node[a] - margin);
           double least = std::numeric_limits<double>::infinity();
           for (const Facet& facet : facets)
-            if ((x - facet.centre).norm() - facet.radius < least)
+            if (norm<3>(minus<3>(x, facet.centre)) - facet.radius < least)
               least = std::min(least, distance_to(facet.corners, x));
           // between nodes that are a step apart lies no surface that is further away than that
           const bool inside = std::abs(before) > spacing_
@@ -122,28 +134,32 @@ class SampledMesh {
   }
 
   static double distance_to(const std::array<Vec<3>, 3>& corners, const Vec<3>& x) {
-    const Vec<3> ab = corners[1] - corners[0], ac = corners[2] - corners[0];
+    const Vec<3> ab = minus<3>(corners[1], corners[0]);
+    const Vec<3> ac = minus<3>(corners[2], corners[0]);
     const Vec<3> normal = cross_product(ab, ac);
-    bool above = normal.squaredNorm() > 0; // x is above the inside of the triangle
+    const double area = norm<3>(normal);
+    bool above = area > 0; // x is above the inside of the triangle
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < 3; ++k) {
-      const Vec<3> edge = corners[(k + 1) % 3] - corners[k], to_x = x - corners[k];
-      above = above && cross_product(edge, to_x).dot(normal) >= 0;
-      const double length2 = edge.squaredNorm();
-      const double along = length2 > 0 ? std::clamp(to_x.dot(edge) / length2, 0.0, 1.0) : 0;
-      least = std::min(least, (to_x - along * edge).norm());
+      const Vec<3> edge = minus<3>(corners[(k + 1) % 3], corners[k]);
+      const Vec<3> to_x = minus<3>(x, corners[k]);
+      above = above && dot<3>(cross_product(edge, to_x), normal) >= 0;
+      const double length2 = dot<3>(edge, edge);
+      const double along = length2 > 0 ? std::clamp(dot<3>(to_x, edge) / length2, 0.0, 1.0) : 0;
+      least = std::min(least, norm<3>(plus_scaled<3>(to_x, -along, edge)));
     }
-    return above ? std::abs((x - corners[0]).dot(normal)) / normal.norm() : least;
+    return above ? std::abs(dot<3>(minus<3>(x, corners[0]), normal)) / area : least;
   }
 
   /// check: x is not on the surface, where the winding number may have any value.
   static bool is_inside(const std::vector<Facet>& facets, const Vec<3>& x, bool check) {
     double turns = 0;
     for (const Facet& facet : facets) {
-      const Vec<3> a = facet.corners[0] - x, b = facet.corners[1] - x, c = facet.corners[2] - x;
-      const double la = a.norm(), lb = b.norm(), lc = c.norm();
-      const double volume = a.dot(cross_product(b, c));
-      const double rest = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+      const Vec<3> a = minus<3>(facet.corners[0], x), b = minus<3>(facet.corners[1], x),
+                   c = minus<3>(facet.corners[2], x);
+      const double la = norm<3>(a), lb = norm<3>(b), lc = norm<3>(c);
+      const double volume = dot<3>(a, cross_product(b, c));
+      const double rest = la * lb * lc + dot<3>(a, b) * lc + dot<3>(b, c) * la + dot<3>(c, a) * lb;
       turns += std::atan2(volume, rest) / (2 * std::numbers::pi);
     }
     const double off = std::min(std::abs(turns), std::abs(std::abs(turns) - 1));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/signed_distance.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -29,11 +30,16 @@ template <int Dim, SignedDistance<Dim> S>
 NodeInSolid<Dim> node_in_solid(const S& solid, const Vec<Dim>& x, const Vec<Dim>& spacing) {
   NodeInSolid<Dim> node;
   double distance = solid.distance(x);
-  if (!(distance < 2 * spacing.sum())) // H ≤ Σ h_a, and at most H more for a thin solid
+  double edges = 0;
+  for (int a = 0; a < Dim; ++a)
+    edges += spacing[a];
+  if (!(distance < 2 * edges)) // H ≤ Σ h_a, and at most H more for a thin solid
     return node;
   node.normal = surface_normal<Dim>(solid, x, 1e-3 * spacing.minCoeff());
-  const double reach = node.normal.cwiseAbs().dot(spacing);
-  const Vec<Dim> below = x - (distance + reach) * node.normal;
+  double reach = 0;
+  for (int a = 0; a < Dim; ++a)
+    reach += std::abs(node.normal[a]) * spacing[a];
+  const Vec<Dim> below = plus_scaled<Dim>(x, -(distance + reach), node.normal);
   distance -= std::max(0.0, reach + solid.distance(below)) / 2;
   const double s = std::clamp(distance / reach, -1.0, 1.0);
   node.open_share = 0.5 + s * (1 - std::abs(s) / 2);

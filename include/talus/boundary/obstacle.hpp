@@ -3,7 +3,9 @@
 
 #include "talus/core/types.hpp"
 
+#include <memory>
 #include <optional>
+#include <utility>
 
 namespace talus {
 
@@ -36,5 +38,12 @@ class Obstacle {
     return 1;
   }
 };
+
+/// An obstacle to put into Simulation::Params: make_obstacle<Gate<2>>({.position = 0.1}). Throws as
+/// its constructor does.
+template <class AnyObstacle>
+std::shared_ptr<const AnyObstacle> make_obstacle(typename AnyObstacle::Params params) {
+  return std::make_shared<const AnyObstacle>(std::move(params));
+}
 
 } // namespace talus

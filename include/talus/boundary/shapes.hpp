@@ -3,6 +3,7 @@
 
 #include "talus/boundary/signed_distance.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -24,10 +25,16 @@ void require_finite_point(const std::string& name, const Vec<Dim>& point) {
     require_finite(name, point[a]);
 }
 
-/// The distance to a product of two convex sets, given those to each.
-template <class Gaps>
-double product_distance(const Gaps& gaps) {
-  return gaps.cwiseMax(0).norm() + std::min(gaps.maxCoeff(), 0.0);
+/// The distance to a product of N convex sets, given those to each.
+template <int N>
+double product_distance(const Vec<N>& gaps) {
+  Vec<N> outside;
+  double largest = gaps[0];
+  for (int a = 0; a < N; ++a) {
+    outside[a] = std::max(gaps[a], 0.0);
+    largest = std::max(largest, gaps[a]);
+  }
+  return norm<N>(outside) + std::min(largest, 0.0);
 }
 
 } // namespace detail
@@ -39,10 +46,11 @@ class HalfSpace {
   /// point: on the plane, m; normal: out of the solid, of any length but 0.
   HalfSpace(const Vec<Dim>& point, const Vec<Dim>& normal) : point_(point), normal_(normal) {
     detail::require_finite_point<Dim>("half space: point", point);
-    require_positive("half space: |normal|", normal.norm());
-    normal_.normalize();
+    const double length = norm<Dim>(normal);
+    require_positive("half space: |normal|", length);
+    normal_ = scaled<Dim>(1 / length, normal);
   }
-  double distance(const Vec<Dim>& x) const { return (x - point_).dot(normal_); }
+  double distance(const Vec<Dim>& x) const { return dot<Dim>(minus<Dim>(x, point_), normal_); }
 
  private:
   Vec<Dim> point_, normal_;
@@ -56,7 +64,7 @@ class Ball {
     detail::require_finite_point<Dim>("ball: centre", centre);
     require_positive("ball: radius", radius);
   }
-  double distance(const Vec<Dim>& x) const { return (x - centre_).norm() - radius_; }
+  double distance(const Vec<Dim>& x) const { return norm<Dim>(minus<Dim>(x, centre_)) - radius_; }
 
  private:
   Vec<Dim> centre_;
@@ -69,12 +77,16 @@ class Box {
  public:
   /// Its corners, m; lower = upper along an axis is a plate without thickness.
   Box(const Vec<Dim>& lower, const Vec<Dim>& upper)
-      : centre_((lower + upper) / 2), half_((upper - lower) / 2) {
+      : centre_(scaled<Dim>(0.5, plus<Dim>(lower, upper))),
+        half_(scaled<Dim>(0.5, minus<Dim>(upper, lower))) {
     for (int a = 0; a < Dim; ++a)
       require_non_negative("box: upper - lower", upper[a] - lower[a]);
   }
   double distance(const Vec<Dim>& x) const {
-    return detail::product_distance(Vec<Dim>((x - centre_).cwiseAbs() - half_));
+    Vec<Dim> gaps;
+    for (int a = 0; a < Dim; ++a)
+      gaps[a] = std::abs(x[a] - centre_[a]) - half_[a];
+    return detail::product_distance<Dim>(gaps);
   }
 
  private:
@@ -87,13 +99,14 @@ class Capsule {
  public:
   /// m; radius 0 is a needle.
   Capsule(const Vec<Dim>& a, const Vec<Dim>& b, double radius)
-      : a_(a), ab_(b - a), radius_(radius) {
-    require_positive("capsule: |b - a|", ab_.norm());
+      : a_(a), ab_(minus<Dim>(b, a)), radius_(radius) {
+    require_positive("capsule: |b - a|", norm<Dim>(ab_));
     require_non_negative("capsule: radius", radius);
   }
   double distance(const Vec<Dim>& x) const {
-    const double along = std::clamp((x - a_).dot(ab_) / ab_.squaredNorm(), 0.0, 1.0);
-    return (x - a_ - along * ab_).norm() - radius_;
+    const Vec<Dim> to_x = minus<Dim>(x, a_);
+    const double along = std::clamp(dot<Dim>(to_x, ab_) / dot<Dim>(ab_, ab_), 0.0, 1.0);
+    return norm<Dim>(plus_scaled<Dim>(to_x, -along, ab_)) - radius_;
   }
 
  private:
@@ -106,15 +119,17 @@ class Cylinder {
  public:
   /// a, b: centres of the ends, m.
   Cylinder(const Vec<3>& a, const Vec<3>& b, double radius)
-      : middle_((a + b) / 2), axis_((b - a).normalized()), half_length_((b - a).norm() / 2),
-        radius_(radius) {
+      : middle_(scaled<3>(0.5, plus<3>(a, b))), axis_(minus<3>(b, a)),
+        half_length_(norm<3>(axis_) / 2), radius_(radius) {
     require_positive("cylinder: |b - a|", half_length_);
+    axis_ = scaled<3>(1 / (2 * half_length_), axis_);
     require_positive("cylinder: radius", radius);
   }
   double distance(const Vec<3>& x) const {
-    const double along = (x - middle_).dot(axis_);
-    const double across = (x - middle_ - along * axis_).norm();
-    return detail::product_distance(Vec<2>(std::abs(along) - half_length_, across - radius_));
+    const Vec<3> from_middle = minus<3>(x, middle_);
+    const double along = dot<3>(from_middle, axis_);
+    const double across = norm<3>(plus_scaled<3>(from_middle, -along, axis_));
+    return detail::product_distance<2>({std::abs(along) - half_length_, across - radius_});
   }
 
  private:
@@ -179,13 +194,13 @@ class Moved {
   /// rotation: orthogonal, or this throws; shift: m.
   Moved(A a, const Mat<Dim>& rotation, const Vec<Dim>& shift)
       : a_(std::move(a)), rotation_(rotation), shift_(shift) {
-    const double error = (rotation * rotation.transpose() - Mat<Dim>::Identity()).norm();
+    const double error = orthogonality_error<Dim>(rotation);
     if (!(error < 1e-9))
       throw_invalid("moved: |R Rᵀ - I|", error, "a rotation, < 1e-9");
     detail::require_finite_point<Dim>("moved: shift", shift);
   }
   double distance(const Vec<Dim>& x) const {
-    return a_.distance(Vec<Dim>(rotation_.transpose() * (x - shift_)));
+    return a_.distance(transposed_product<Dim>(rotation_, minus<Dim>(x, shift_)));
   }
 
  private:

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <concepts>
@@ -56,13 +57,16 @@ Vec<Dim> surface_normal(const S& solid, const Vec<Dim>& x, double step) {
   Vec<Dim> central, forward;
   const double here = solid.distance(x);
   for (int a = 0; a < Dim; ++a) {
-    const double above = solid.distance(x + step * Vec<Dim>::Unit(a));
-    central[a] = (above - solid.distance(x - step * Vec<Dim>::Unit(a))) / (2 * step);
+    Vec<Dim> shifted = x;
+    shifted[a] = x[a] + step;
+    const double above = solid.distance(shifted);
+    shifted[a] = x[a] - step;
+    central[a] = (above - solid.distance(shifted)) / (2 * step);
     forward[a] = (above - here) / step;
   }
   for (const Vec<Dim>& gradient : {central, forward})
-    if (gradient.norm() > 0.1) // 1 but for edges and ridges
-      return gradient.normalized();
+    if (const double size = norm<Dim>(gradient); size > 0.1) // 1 but for edges and ridges
+      return scaled<Dim>(1 / size, gradient);
   return Vec<Dim>::Unit(up_axis<Dim>);
 }
 

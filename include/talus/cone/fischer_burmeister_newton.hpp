@@ -15,13 +15,14 @@
 
 namespace talus {
 
-/// Generalised Newton's method on f_MFB(W λ + b, λ) = 0 with a line search on |f|²/2, the local
-/// solver of Rousseau et al. 2023 (after Daviet, Bertails-Descoubes & Boissieux 2011), for any size
-/// of cone and both laws. Quadratic convergence near a regular solution. Starts from the given λ,
-/// and again from P_K(−b) and from zero if that stalls; returns the best iterate and says
-/// whether it met the tolerance. f_MFB weighs the normal complementarity by μ, so for small μ that
-/// is met to tolerance/μ only. Use it to compare with the paper; SecularSolver is faster and does
-/// not miss.
+/// Generalised Newton's method on the Fischer–Burmeister function, with a line search on |f|²/2:
+/// \f[ f_{MFB}(W λ + b, λ) = 0, \f]
+/// the local solver of Rousseau et al. 2023 (after Daviet, Bertails-Descoubes & Boissieux 2011),
+/// for any size of cone and both laws. Quadratic convergence near a regular solution. Starts from
+/// the given λ, and again from P_K(−b) and from zero if that stalls; returns the best iterate and
+/// says whether it met the tolerance. f_MFB weighs the normal complementarity by μ, so for small μ
+/// that is met to tolerance/μ only. Use it to compare with the paper; SecularSolver is faster and
+/// does not miss.
 class FischerBurmeisterNewton {
  public:
   struct Params {

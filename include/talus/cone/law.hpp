@@ -14,11 +14,14 @@
 
 namespace talus {
 
-/// λ_N ≥ 0 ⊥ γ_N ≥ 0, |λ_T| ≤ μ λ_N, λ_T = −μ λ_N γ_T/|γ_T| where γ_T ≠ 0: flow without dilatancy.
+/// Flow without dilatancy:
+/// \f[ 0 ≤ λ_N ⊥ γ_N ≥ 0, \quad |λ_T| ≤ μ λ_N, \quad
+///     λ_T = −μ λ_N γ_T / |γ_T| \ \text{where}\ γ_T ≠ 0. \f]
 struct CoulombLaw {};
 
-/// K_μ ∋ λ ⊥ γ̃ ∈ K_{1/μ}. With γ̃ = γ + s e_N and s = μ |γ_T| this is Coulomb's law (de Saxcé); with
-/// s frozen it is convex. Callers put s into b_N.
+/// The convex law that Coulomb's is made of:
+/// \f[ K_μ ∋ λ ⊥ \tilde γ ∈ K_{1/μ}, \quad \tilde γ = γ + s\, e_N, \quad s = μ |γ_T|; \f]
+/// with this s it is Coulomb's law (de Saxcé); with s frozen it is convex. Callers put s into b_N.
 struct AssociatedLaw {};
 
 /// e_K. From memory, so that sums with it work on whole registers.
@@ -32,15 +35,35 @@ Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned> basis_vector() {
   return Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned>(values.data());
 }
 
+/// |x_T|, without overflow on the way. x: N.
+template <int N, class Scalar>
+Scalar tangential_norm(const Eigen::Matrix<Scalar, N, 1>& x) {
+  using std::abs, std::sqrt;
+  Scalar largest(0), sum(0);
+  for (int k = 1; k < N; ++k)
+    if (!(abs(x[k]) <= largest)) // a NaN is kept
+      largest = abs(x[k]);
+  if (largest == 0)
+    return largest;
+  for (int k = 1; k < N; ++k) {
+    const Scalar part = x[k] / largest;
+    sum += part * part;
+  }
+  return largest * sqrt(sum);
+}
+
 /// x with 0 in place of x_N.
 template <int N, class Scalar>
 Vec<N, Scalar> tangential(const Eigen::Matrix<Scalar, N, 1>& x) {
-  return x - x[0] * basis_vector<N, Scalar, 0>();
+  Vec<N, Scalar> t = x;
+  t[0] = 0;
+  return t;
 }
 
-/// f(x, y) = x + y − (x∘x + y∘y)^{1/2} on the Jordan algebra of K_1: zero if and only if
-/// K_1 ∋ x ⊥ y ∈ K_1 (Fukushima, Luo & Tseng 2002). x, y: N, not both zero, and such that the
-/// fourth powers of their entries neither overflow nor vanish together.
+/// The Fischer–Burmeister function on the Jordan algebra of K_1:
+/// \f[ f(x, y) = x + y − (x∘x + y∘y)^{1/2}, \f]
+/// zero if and only if K_1 ∋ x ⊥ y ∈ K_1 (Fukushima, Luo & Tseng 2002). x, y: N, not both zero, and
+/// such that the fourth powers of their entries neither overflow nor vanish together.
 template <int N, class Scalar>
 Vec<N, Scalar> fischer_burmeister_unscaled(const Vec<N, Scalar>& x, const Vec<N, Scalar>& y) {
   using std::max, std::sqrt;
@@ -52,10 +75,15 @@ Vec<N, Scalar> fischer_burmeister_unscaled(const Vec<N, Scalar>& x, const Vec<N,
   const Scalar x_norm = sqrt(pp), y_norm = sqrt(qq);
   const Scalar x_det = (a - x_norm) * (a + x_norm), y_det = (b - y_norm) * (b + y_norm);
   const Scalar cross = a * b - pq, gram = max(Scalar(0), pp * qq - pq * pq);
+  const Vec<N, Scalar> mixed = a * q - b * p;
   const Scalar det =
-      x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + (a * q - b * p).squaredNorm());
+      x_det * x_det + y_det * y_det + 2 * (cross * cross + gram + mixed.squaredNorm());
   const Scalar s0 = sqrt((a * a + b * b + pp + qq + sqrt(det)) / 2);
-  return p + q - (a * p + b * q) / s0 + (a + b - s0) * basis_vector<N, Scalar, 0>();
+  Vec<N, Scalar> f;
+  f[0] = a + b - s0;
+  for (int k = 1; k < N; ++k)
+    f[k] = p[k] + q[k] - (a * p[k] + b * q[k]) / s0;
+  return f;
 }
 
 /// The same for any x and y.
@@ -67,8 +95,10 @@ Vec<N, Scalar> fischer_burmeister(const Vec<N, Scalar>& x, const Vec<N, Scalar>&
   return scale * fischer_burmeister_unscaled<N, Scalar>(x / scale, y / scale);
 }
 
-/// f_MFB of the associated law: f(ĝ, λ̂) with λ̂ = (μ λ_N, λ_T), ĝ = (γ̃_N, μ γ̃_T). γ̃ and λ in one
-/// unit. For μ = 0, where the first does not see λ_N: (f(γ̃_N, λ_N), λ_T).
+/// The residual of the associated law, the Fischer–Burmeister function of a pair scaled to K_1:
+/// \f[ f_{MFB}(\tilde γ, λ) = f(\hat γ, \hat λ), \quad
+///     \hat γ = (\tilde γ_N, μ \tilde γ_T), \quad \hat λ = (μ λ_N, λ_T). \f]
+/// γ̃ and λ: N, in one unit. For μ = 0, where that does not see λ_N: (f(γ̃_N, λ_N), λ_T).
 template <int N, class Scalar>
 Vec<N, Scalar> law_residual(AssociatedLaw, const Vec<N, Scalar>& gamma,
                             const Vec<N, Scalar>& lambda, Scalar friction) {
@@ -92,14 +122,14 @@ template <int N, class Scalar>
 Vec<N, Scalar> law_residual(CoulombLaw, const Vec<N, Scalar>& gamma, const Vec<N, Scalar>& lambda,
                             Scalar friction) {
   Vec<N, Scalar> shifted = gamma;
-  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  shifted[0] += friction * tangential_norm<N, Scalar>(gamma);
   return law_residual(AssociatedLaw{}, shifted, lambda, friction);
 }
 
 /// The point of K_μ nearest to x. μ ≥ 0.
 template <int N, class Scalar>
 Vec<N, Scalar> project_on_cone(const Vec<N, Scalar>& x, Scalar friction) {
-  const Scalar tangent = x.template tail<N - 1>().stableNorm();
+  const Scalar tangent = tangential_norm<N, Scalar>(x);
   if (friction * tangent <= -x[0])
     return Vec<N, Scalar>::Zero();
   if (tangent <= friction * x[0])
@@ -111,8 +141,9 @@ Vec<N, Scalar> project_on_cone(const Vec<N, Scalar>& x, Scalar friction) {
   return nearest;
 }
 
-/// A check that shares nothing with the solvers: λ − P_K(λ − ρ γ̃), which is zero if and only if the
-/// law holds; ρ > 0 brings γ into the unit of λ.
+/// A check that shares nothing with the solvers:
+/// \f[ λ − P_{K_μ}(λ − ρ \tilde γ), \f]
+/// zero if and only if the law holds; ρ > 0 brings γ into the unit of λ.
 template <int N, class Scalar>
 Vec<N, Scalar> natural_residual(AssociatedLaw, const Vec<N, Scalar>& gamma,
                                 const Vec<N, Scalar>& lambda, Scalar friction, Scalar rho) {
@@ -122,7 +153,7 @@ template <int N, class Scalar>
 Vec<N, Scalar> natural_residual(CoulombLaw, const Vec<N, Scalar>& gamma,
                                 const Vec<N, Scalar>& lambda, Scalar friction, Scalar rho) {
   Vec<N, Scalar> shifted = gamma;
-  shifted[0] += friction * gamma.template tail<N - 1>().stableNorm();
+  shifted[0] += friction * tangential_norm<N, Scalar>(gamma);
   return natural_residual(AssociatedLaw{}, shifted, lambda, friction, rho);
 }
 

@@ -12,10 +12,12 @@
 
 namespace talus {
 
-/// Projected fixed point, λ ← P_K(λ − ρ γ̃) with γ̃ = W λ + b (+ μ |γ_T| e_N for Coulomb's law) and
-/// ρ = 1/‖W‖, any size of cone. Converges linearly, in about cond(W) iterations for the associated
-/// law; for Coulomb's it need not converge for large μ. Reports a miss when the iterations run out.
-/// Cost: one product with W and one norm an iteration. For comparison only.
+/// Projected fixed point for any size of cone:
+/// \f[ λ ← P_{K_μ}(λ − ρ \tilde γ), \quad ρ = 1/‖W‖, \f]
+/// with γ̃ = W λ + b (+ μ |γ_T| e_N for Coulomb's law). Converges linearly, in about cond(W)
+/// iterations for the associated law; for Coulomb's it need not converge for large μ. Reports a
+/// miss when the iterations run out. Cost: one product with W and one norm an iteration. For
+/// comparison only.
 class ProjectionSolver {
  public:
   struct Params {

@@ -19,18 +19,24 @@ Scalar largest_eigenvalue_bound(const Mat<N, Scalar>& w) {
   const Scalar scale = w.trace();
   if (!(scale > 0))
     return 0;
-  const Mat<N, Scalar> unit = w / scale, square = unit * unit;
-  const Scalar by_power = sqrt(sqrt((square * square).norm()));
-  const Scalar by_rows = unit.cwiseAbs().colwise().sum().maxCoeff();
+  const Mat<N, Scalar> unit = w / scale, square = unit * unit, fourth = square * square;
+  const Scalar by_power = sqrt(sqrt(fourth.norm()));
+  Scalar by_rows(0);
+  for (int c = 0; c < N; ++c) {
+    Scalar row(0);
+    for (int r = 0; r < N; ++r)
+      row += std::abs(unit(r, c));
+    by_rows = std::max(by_rows, row);
+  }
   return scale * std::min(by_power, by_rows);
 }
 
-/// One projected step towards the solution of a cone, λ ← P_K(λ − γ̃/L), L ≥ ‖W‖: a model of
-/// LocalStep. For the associated law it never raises the energy ½ λᵀWλ + bᵀλ, so that sweeps of it
-/// converge; and a sweep costs a third of one with exact local solutions while as many are needed,
-/// since the others' change soon makes the exact solution obsolete. (Prox-linear block coordinate
-/// descent: Tseng & Yun 2009; Xu & Yin 2013.) For Coulomb's law γ̃ = γ + μ |γ_T| e_N, as of the
-/// start.
+/// One projected step towards the solution of a cone, a model of LocalStep:
+/// \f[ λ ← P_{K_μ}(λ − \tilde γ / L), \quad L ≥ ‖W‖. \f]
+/// For the associated law it never raises the energy ½ λᵀWλ + bᵀλ, so that sweeps of it converge;
+/// and a sweep costs a third of one with exact local solutions while as many are needed, since the
+/// others' change soon makes the exact solution obsolete. (Prox-linear block coordinate descent:
+/// Tseng & Yun 2009; Xu & Yin 2013.) For Coulomb's law γ̃ = γ + μ |γ_T| e_N, as of the start.
 ///
 /// Cost: two square roots and a division a step; the bound L once a step of time, 0.1 µs.
 class ProjectionStep {

@@ -17,10 +17,11 @@ namespace talus {
 
 /// Closed form for cones of size 3 (2-D flows). With the notation of SecularSolver, both sides of
 /// |D λ_T| = μ |n| times (e_1 + α)(e_2 + α) are polynomials in α for both laws,
-///   p_1 = (a_1 W_NN − b_N c_1 − κ α a_1)(e_2 + α) + c_2 (c_1 a_2 − c_2 a_1), p_2 likewise,
-///   q = c_1 a_1 (e_2 + α) + c_2 a_2 (e_1 + α) − b_N (e_1 + α)(e_2 + α),
-/// and p_1² + p_2² = μ² q² is a quartic. Its roots by Ferrari's formulas, each polished by one
-/// step of Newton's method; of those with α > 0 and λ_N > 0 the one of the least residual.
+/// \f[ p_1 = (a_1 W_{NN} − b_N c_1 − κ α a_1)(e_2 + α) + c_2 (c_1 a_2 − c_2 a_1), \f]
+/// p_2 likewise,
+/// \f[ q = c_1 a_1 (e_2 + α) + c_2 a_2 (e_1 + α) − b_N (e_1 + α)(e_2 + α), \f]
+/// and p_1² + p_2² = μ² q² is a quartic. Its roots by Ferrari's formulas, each polished
+/// by one step of Newton's method; of those with α > 0 and λ_N > 0 the one of the least residual.
 ///
 /// Closed forms lose digits where roots are close or of very different sizes: it then misses, and
 /// says so (see HybridSolver). Cost: an eigendecomposition of size 2 to prepare; some trigonometry

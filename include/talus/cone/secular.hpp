@@ -22,13 +22,15 @@ namespace talus {
 /// There γ_T = −α λ_T with α > 0 and γ_N = κ α λ_N, with κ = 0 for Coulomb's law (γ_N = 0) and κ =
 /// μ² for the associated one (γ̃ on the edge of the dual cone). With W_TT = Q diag(e) Qᵀ, worked out
 /// once, c = Qᵀ w (w = W_TN), a = Qᵀ b_T and r_k = 1/(e_k + α),
-///   D λ_N = n,  λ_k = −r_k (a_k + c_k λ_N),
-///   D(α) = W_NN − κ α − Σ c_k² r_k,  n(α) = Σ c_k a_k r_k − b_N,
-/// and α is the root of ρ(α) = μ |n| / |D λ_T| = 1. For Coulomb's law D > 0 for all α; the root
-/// exists as soon as λ is neither 0 nor −W⁻¹b. For the associated law D has one root α*, and the
-/// solution with λ_N > 0 lies below it if n(α*) > 0 and above it otherwise; ρ is smooth across α*.
-/// Halley's method inside a bracket finds α; a step or two of Newton's method on all equations at
-/// once (λ_T, λ_N, α) give back the digits that the elimination lost.
+/// \f[ D λ_N = n, \quad λ_k = −r_k (a_k + c_k λ_N), \quad
+///     D(α) = W_{NN} − κ α − \sum_k c_k^2 r_k, \quad n(α) = \sum_k c_k a_k r_k − b_N, \f]
+/// and α is the root of the secular equation
+/// \f[ ρ(α) = \frac{μ |n|}{|D λ_T|} = 1. \f]
+/// For Coulomb's law D > 0 for all α; the root exists as soon as λ is neither 0 nor −W⁻¹b. For the
+/// associated law D has one root α*, and the solution with λ_N > 0 lies below it if n(α*) > 0 and
+/// above it otherwise; ρ is smooth across α*. Halley's method inside a bracket finds α; a step or
+/// two of Newton's method on all equations at once (λ_T, λ_N, α) give back the digits that the
+/// elimination lost.
 ///
 /// W may be singular: where its smallest eigenvalue is not told from rounding, W is raised by a few
 /// ε tr W / N (ε: the rounding unit). The answer satisfies the law to some 10 ε, relative to

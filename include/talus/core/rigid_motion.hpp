@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <cmath>
@@ -72,8 +73,13 @@ Mat<Dim> rotation_by(const Spin<Dim>& angle) {
     return Mat<Dim>::Identity();
   Mat<Dim> n;
   for (int a = 0; a < Dim; ++a)
-    n.col(a) = cross<Dim>(Spin<Dim>(angle / size), Vec<Dim>::Unit(a));
-  return Mat<Dim>::Identity() + std::sin(size) * n + (1 - std::cos(size)) * n * n;
+    n.col(a) = cross<Dim>(scaled<spin_size<Dim>>(1 / size, angle), Vec<Dim>(Vec<Dim>::Unit(a)));
+  const Mat<Dim> n2 = matrix_product<Dim>(n, n);
+  Mat<Dim> rotation = Mat<Dim>::Identity();
+  for (int r = 0; r < Dim; ++r)
+    for (int c = 0; c < Dim; ++c)
+      rotation(r, c) += std::sin(size) * n(r, c) + (1 - std::cos(size)) * n2(r, c);
+  return rotation;
 }
 
 /// Where a rigid body is and how it moves. A point X of the body's own frame is at
@@ -87,21 +93,27 @@ struct RigidState {
 
   /// Velocity of the body's point at x, m/s.
   Vec<Dim> velocity_at(const Vec<Dim>& x) const {
-    return velocity + cross<Dim>(angular_velocity, Vec<Dim>(x - position));
+    return plus<Dim>(velocity, cross<Dim>(angular_velocity, minus<Dim>(x, position)));
   }
   /// x of the box's frame in the body's.
-  Vec<Dim> in_body(const Vec<Dim>& x) const { return rotation.transpose() * (x - position); }
+  Vec<Dim> in_body(const Vec<Dim>& x) const {
+    return transposed_product<Dim>(rotation, minus<Dim>(x, position));
+  }
 
   /// Moves on at these velocities for `time`, s.
   void advance(double time) {
-    position += time * velocity;
-    if (angular_velocity.isZero(0))
+    position = plus_scaled<Dim>(position, time, velocity);
+    const Spin<Dim> angle = scaled<spin_size<Dim>>(time, angular_velocity);
+    if (norm<spin_size<Dim>>(angle) == 0)
       return;
-    rotation = rotation_by<Dim>(Spin<Dim>(time * angular_velocity)) * rotation;
+    rotation = matrix_product<Dim>(rotation_by<Dim>(angle), rotation);
     for (int c = 0; c < Dim; ++c) { // or rounding would add up
-      for (int b = 0; b < c; ++b)
-        rotation.col(c) -= rotation.col(c).dot(rotation.col(b)) * rotation.col(b);
-      rotation.col(c).normalize();
+      Vec<Dim> column = rotation.col(c);
+      for (int b = 0; b < c; ++b) {
+        const Vec<Dim> other = rotation.col(b);
+        column = plus_scaled<Dim>(column, -dot<Dim>(column, other), other);
+      }
+      rotation.col(c) = scaled<Dim>(1 / norm<Dim>(column), column);
     }
   }
 };

@@ -13,8 +13,9 @@
 namespace talus {
 
 /// The vector of a symmetric tensor. τ: d × d, only its symmetric part is used.
-/// d = 2: ((τxx+τyy)/2, (τxx−τyy)/2, τxy);
-/// d = 3: (Tr τ/√6, (τxx−τyy)/2, (2τzz−τxx−τyy)/(2√3), τxy, τxz, τyz).
+/// \f[ d = 2: \left( \tfrac{τ_{xx} + τ_{yy}}{2}, \tfrac{τ_{xx} − τ_{yy}}{2}, τ_{xy} \right); \quad
+///     d = 3: \left( \tfrac{\mathrm{tr}\, τ}{\sqrt 6}, \tfrac{τ_{xx} − τ_{yy}}{2},
+///     \tfrac{2 τ_{zz} − τ_{xx} − τ_{yy}}{2 \sqrt 3}, τ_{xy}, τ_{xz}, τ_{yz} \right). \f]
 template <int Dim, class Scalar>
 Vec<symmetric_size<Dim>, Scalar> symmetric_to_vector(const Mat<Dim, Scalar>& t) {
   static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -52,6 +53,26 @@ inline LineFit fit_line(const std::vector<double>& x, const std::vector<double>&
   fit.slope_error = std::sqrt(variance / xx);
   fit.intercept_error = std::sqrt(variance * (1 / static_cast<double>(n) + mean_x * mean_x / xx));
   return fit;
+}
+
+/// The line through those of the points whose y is between `low` and `high`: the slope of a heap
+/// between two heights, say, or a rate. Its values are NaN, and `points` says why, if there are
+/// less than two of them. Throws std::invalid_argument as fit_line does.
+inline LineFit fit_line_between(const std::vector<double>& x, const std::vector<double>& y,
+                                double low, double high) {
+  if (y.size() != x.size())
+    throw_invalid("fit_line: the number of points", y.size(),
+                  "that of x, " + std::to_string(x.size()));
+  std::vector<double> x_inside, y_inside;
+  for (std::size_t i = 0; i < x.size(); ++i)
+    if (y[i] >= low && y[i] <= high) {
+      x_inside.push_back(x[i]);
+      y_inside.push_back(y[i]);
+    }
+  if (x_inside.size() >= 2)
+    return fit_line(x_inside, y_inside);
+  constexpr double none = std::numeric_limits<double>::quiet_NaN();
+  return {none, none, none, none, x_inside.size()};
 }
 
 /// y = coefficient x^exponent, fitted as a line through the logarithms: all points count by their

@@ -104,6 +104,13 @@ double volume_under_surface(const Flow& flow) {
   }
 }
 
+/// Mean height of the surface above the floor, m.
+template <class Flow>
+double mean_surface_height(const Flow& flow) {
+  const auto& size = flow.grid().size();
+  return volume_under_surface(flow) * size[up_axis<Flow::dimension>] / size.prod();
+}
+
 /// Largest speed of a particle, m/s.
 template <class Flow>
 double largest_speed(const Flow& flow) {

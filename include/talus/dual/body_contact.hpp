@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/problem.hpp"
@@ -17,10 +18,11 @@ namespace talus {
 template <int Dim>
 Vec<Dim> relative_velocity(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
   const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
-  const Vec<Dim> of_body = body.velocity + cross<Dim>(body.angular_velocity, contact.arm);
+  const Vec<Dim> of_body = plus<Dim>(body.velocity, cross<Dim>(body.angular_velocity, contact.arm));
   if (contact.node < 0)
-    return -of_body;
-  return problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>() - of_body;
+    return scaled<Dim>(-1, of_body);
+  return minus<Dim>(problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>(),
+                    of_body);
 }
 
 /// Adds `impulse` (Dim, N s) to the node and takes it from the body.
@@ -28,13 +30,15 @@ template <int Dim>
 void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
                    const Vec<Dim>& impulse) {
   FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
-  body.velocity -= body.inverse_mass * impulse;
-  body.angular_velocity -= body.inverse_inertia * torque<Dim>(contact.arm, impulse);
+  body.velocity = plus_scaled<Dim>(body.velocity, -body.inverse_mass, impulse);
+  const Spin<Dim> turn =
+      product<spin_size<Dim>>(body.inverse_inertia, torque<Dim>(contact.arm, impulse));
+  body.angular_velocity = minus<spin_size<Dim>>(body.angular_velocity, turn);
   if (contact.node < 0)
     return;
   const std::size_t j = static_cast<std::size_t>(contact.node);
-  problem.velocity[j].template head<Dim>() +=
-      problem.inverse_mass[j].template head<Dim>().cwiseProduct(impulse);
+  for (int a = 0; a < Dim; ++a)
+    problem.velocity[j][a] += problem.inverse_mass[j][a] * impulse[a];
 }
 
 /// A bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg: the trace of the last
@@ -42,8 +46,11 @@ void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
 template <int Dim>
 double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
   const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
-  const auto arm = cross_matrix<Dim>(contact.arm);
-  const double of_body = body.inverse_mass + (arm.transpose() * body.inverse_inertia * arm).trace();
+  double of_body = body.inverse_mass;
+  for (int a = 0; a < Dim; ++a) { // column a of [arm]×
+    const Spin<Dim> arm = torque<Dim>(contact.arm, Vec<Dim>(Vec<Dim>::Unit(a)));
+    of_body += dot<spin_size<Dim>>(arm, product<spin_size<Dim>>(body.inverse_inertia, arm));
+  }
   if (contact.node < 0)
     return of_body;
   return of_body + problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
@@ -57,10 +64,10 @@ double update_body_contacts(DualProblem<Dim>& problem) {
   for (BodyContact<Dim>& contact : problem.body_contacts) {
     const Vec<Dim> impulse =
         contact_impulse<Dim>(contact, relative_velocity(problem, contact), contact.inverse_mass);
-    const Vec<Dim> change = impulse - contact.impulse;
+    const Vec<Dim> change = minus<Dim>(impulse, contact.impulse);
     apply_impulse(problem, contact, change);
     contact.impulse = impulse;
-    change2 += contact.inverse_mass * change.squaredNorm();
+    change2 += contact.inverse_mass * dot<Dim>(change, change);
   }
   return change2;
 }

@@ -105,20 +105,32 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
   for (int r = 0; r < Stencil<Dim>::rows; ++r)
     for (int k = 0; k < 3; ++k) {
       const NodeVec<Dim>& w = inverse_mass[stencil.row(r) + k];
-      const Vec<Dim> gj = g.col(3 * r + k);
-      const Mat<Dim> outer = gj * gj.transpose();
-      for (int a = 0; a < Dim; ++a)
-        second[static_cast<std::size_t>(a)] += w[a] * outer;
+      const double* gj = &g(0, 3 * r + k);
+      for (int b = 0; b < Dim; ++b)
+        for (int c = 0; c < Dim; ++c) {
+          const double outer = gj[c] * gj[b];
+          for (int a = 0; a < Dim; ++a)
+            second[static_cast<std::size_t>(a)](c, b) += w[a] * outer;
+        }
     }
   Mat<n> block;
   for (int c = 0; c < n; ++c) {
-    const Mat<Dim> tensor = vector_to_symmetric<Dim, double>(Vec<n>::Unit(c));
+    Vec<n> unit = Vec<n>::Zero();
+    unit[c] = 1;
+    const Mat<Dim> tensor = vector_to_symmetric<Dim, double>(unit);
     Mat<Dim> gradient; // row a: Σ_j (Λ g_j)_a g_jᵀ / m_j,a
     for (int a = 0; a < Dim; ++a)
-      gradient.row(a) = tensor.row(a) * second[static_cast<std::size_t>(a)];
+      for (int b = 0; b < Dim; ++b) {
+        gradient(a, b) = 0;
+        for (int k = 0; k < Dim; ++k)
+          gradient(a, b) += tensor(a, k) * second[static_cast<std::size_t>(a)](k, b);
+      }
     block.col(c) = symmetric_to_vector<Dim, double>(gradient);
   }
-  return 0.5 * (block + block.transpose());
+  for (int r = 0; r < n; ++r) // symmetric to the last bit
+    for (int c = 0; c < r; ++c)
+      block(r, c) = block(c, r) = 0.5 * (block(r, c) + block(c, r));
+  return block;
 }
 
 /// Adds the impulses of all stresses and contacts to the velocities: from u_free to u.
@@ -129,8 +141,8 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
       apply_stress(problem, stencil, i, problem.stress[i]);
   for (const Contact<Dim>& contact : problem.contacts) {
     const std::size_t j = static_cast<std::size_t>(contact.node);
-    problem.velocity[j].template head<Dim>() +=
-        problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+    for (int a = 0; a < Dim; ++a)
+      problem.velocity[j][a] += problem.inverse_mass[j][a] * contact.impulse[a];
   }
   for (const BodyContact<Dim>& contact : problem.body_contacts)
     apply_impulse(problem, contact, contact.impulse);

@@ -20,8 +20,9 @@ namespace talus {
 template <int Dim>
 using NodeVec = Vec<Dim == 2 ? 2 : 4>;
 
-/// A Coulomb contact at one node: 0 ≤ w·n ⊥ r·n ≥ 0, |r_t| ≤ μ_w r·n, r_t opposite to w_t while it
-/// slides, with w = u_j − u_b.
+/// A Coulomb contact at one node:
+/// \f[ 0 ≤ w·n ⊥ r·n ≥ 0, \quad |r_t| ≤ μ_w\, r·n, \quad w = u_j − u_b, \f]
+/// r_t opposite to w_t while it slides.
 template <int Dim>
 struct Contact {
   int node = 0;                              ///< node number on the grid
@@ -57,10 +58,12 @@ struct Block {
   std::size_t contact_begin = 0, contact_end = 0;
 };
 
-/// Find λ and r such that, with u_j = u_free,j + M_j⁻¹ (Σ_i Λ_i g_ij + r_j),
-///   γ_i = vec(sym Σ_j u_j ⊗ g_ij) + k_i e_N  and  (γ_i, λ_i) in Coulomb's law of opening μ̃_i,
-/// and the contacts hold. λ_i = δt λ̂_i is an impulse (Pa s); Λ_i is its tensor; the cone law does
-/// not mind the factor. (Rousseau et al. 2023; Daviet & Bertails-Descoubes 2016.)
+/// The dual problem of a time step. Find λ and r such that, with
+/// \f[ u_j = u_{\text{free},j} + M_j^{-1} \Bigl( \sum_i Λ_i g_{ij} + r_j \Bigr), \quad
+///     γ_i = \mathrm{vec}\,\mathrm{sym} \sum_j u_j ⊗ g_{ij} + k_i e_N, \f]
+/// (γ_i, λ_i) is in Coulomb's law of opening μ̃_i, and the contacts hold. λ_i = δt λ̂_i is an impulse
+/// (Pa s); Λ_i is its tensor; the cone law does not mind the factor. (Rousseau et al. 2023; Daviet
+/// & Bertails-Descoubes 2016.)
 ///
 /// `velocity` always is the velocity that goes with the current λ and r: solvers keep it so.
 template <int Dim>

@@ -3,6 +3,7 @@
 
 #include "talus/cone/law.hpp"
 #include "talus/core/parallel.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/dual/body_contact.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
@@ -22,14 +23,15 @@ struct Residual {
   bool finite() const { return std::isfinite(l2) && std::isfinite(max); }
 };
 
-/// Measures residuals. Cone i contributes the energy e_i = w_i |f_MFB(γ_i/w_i, λ_i)|², w_i = tr
-/// W_ii / s; a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass (a free body's: the bound of
-/// its W). l2 = sqrt(Σ e / E), with E
-/// the energy of the solution itself, Σ w_i |λ_i|² + Σ w_j |r|², and at least that of the masses at
-/// the problem's velocity_scale; max is the largest sqrt(e) in units of sqrt(E / number). All cones
-/// count, whatever a solver skipped. A solution whose stresses are wrong by a fraction x shows a
-/// residual of about x. (Weights w_i, not volumes: a tiny stress error on a light node is a large
-/// error of its velocity.)
+/// Measures residuals. Cone i contributes the energy
+/// \f[ e_i = w_i\, |f_{MFB}(γ_i/w_i, λ_i)|^2, \quad w_i = \mathrm{tr}\, W_{ii} / s, \f]
+/// a contact w_j |f(w/w_j, r)|², w_j the node's inverse mass (a free body's: the bound of its W).
+/// Compared with the energy of the solution itself,
+/// \f[ l_2 = \sqrt{\sum e / E}, \quad E = \sum_i w_i |λ_i|^2 + \sum_j w_j |r_j|^2, \f]
+/// E being at least that of the masses at the problem's velocity_scale; max is the largest sqrt(e)
+/// in units of sqrt(E / number). All cones count, whatever a solver skipped. A solution whose
+/// stresses are wrong by a fraction x shows a residual of about x. (Weights w_i, not volumes: a
+/// tiny stress error on a light node is a large error of its velocity.)
 template <int Dim>
 class ResidualMeter {
  public:
@@ -101,12 +103,15 @@ class ResidualMeter {
   /// u: Dim, velocity at the contact; inverse_mass: w_j.
   static void add_contact(Sums& sums, const Contact<Dim>& contact, const Vec<Dim>& u,
                           double inverse_mass) {
-    const Vec<Dim> w = (u - contact.wall_velocity) / inverse_mass;
+    const Vec<Dim> w = scaled<Dim>(1 / inverse_mass, minus<Dim>(u, contact.wall_velocity));
     // (normal, tangential vector in the frame of the box): the law only sees norms of tangents
     Vec<Dim + 1> gamma, lambda;
-    gamma << w.dot(contact.normal), w - w.dot(contact.normal) * contact.normal;
-    lambda << contact.impulse.dot(contact.normal),
-        contact.impulse - contact.impulse.dot(contact.normal) * contact.normal;
+    gamma[0] = dot<Dim>(w, contact.normal);
+    lambda[0] = dot<Dim>(contact.impulse, contact.normal);
+    for (int a = 0; a < Dim; ++a) {
+      gamma[a + 1] = w[a] - gamma[0] * contact.normal[a];
+      lambda[a + 1] = contact.impulse[a] - lambda[0] * contact.normal[a];
+    }
     sums.add(law_residual(CoulombLaw{}, gamma, lambda, contact.friction).squaredNorm(),
              lambda.squaredNorm(), inverse_mass);
   }

@@ -10,7 +10,7 @@
 namespace talus {
 
 /// A rheology with cohesion: `r.cohesion()` → c ≥ 0, Pa. The yield criterion is
-///   ‖Dev λ‖ ≤ μ p + c,   λ = −σ,  ‖τ‖ = sqrt(τ:τ/2),
+/// \f[ ‖\mathrm{Dev}\, λ‖ ≤ μ p + c, \quad λ = −σ, \quad ‖τ‖ = \sqrt{τ:τ/2}, \f]
 /// a cone whose apex lies at the tension −p = c/μ; flow and opening stay those of the cone law for
 /// λ' = λ + (c/μ) I. It acts where the medium is dense (see Packing): what has come apart is loose.
 /// For the Mohr–Coulomb constants in plane strain, μ = sin φ and c = c_MC cos φ.

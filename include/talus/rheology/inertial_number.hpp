@@ -8,11 +8,12 @@
 
 namespace talus {
 
-/// I = d_g f ‖D‖ / sqrt(p/ρ), with ‖D‖ = sqrt(D:D/2) (half of the shear rate of a simple shear) and
-/// a factor f that says which measure of the strain rate a law was fitted with. Published
-/// parameters depend on that convention: Rousseau et al. 2023 take f = 1 and the density of the
-/// medium; Jop, Forterre & Pouliquen 2006, where I_0 = 0.279 comes from, f = 2 (the shear rate) and
-/// the density of the grains.
+/// The inertial number:
+/// \f[ I = \frac{d_g\, f\, ‖D‖}{\sqrt{p/ρ}}, \quad ‖D‖ = \sqrt{D:D/2} \f]
+/// where ‖D‖ is half of the shear rate of a simple shear, and the factor f says which measure of
+/// the strain rate a law was fitted with. Published parameters depend on that convention: Rousseau
+/// et al. 2023 take f = 1 and the density of the medium; Jop, Forterre & Pouliquen 2006, where I_0
+/// = 0.279 comes from, f = 2 (the shear rate) and the density of the grains.
 struct InertialNumber {
   double grain_diameter = 0; ///< d_g, m
   double density = 0;        ///< ρ, kg/m³

@@ -25,7 +25,8 @@ class ConstantFriction {
   Params params_{};
 };
 
-/// μ(I) = μ_s + (μ_2 − μ_s) / (1 + I_0/I) (Jop, Forterre & Pouliquen 2006).
+/// The law of dense flows of Jop, Forterre & Pouliquen 2006:
+/// \f[ μ(I) = μ_s + \frac{μ_2 − μ_s}{1 + I_0/I}. \f]
 struct MuOfICurve {
   double mu_static = 0.38; ///< μ_s, at I = 0
   double mu_limit = 0.64;  ///< μ_2, for I → ∞; ≥ μ_s
@@ -45,7 +46,8 @@ struct MuOfICurve {
 };
 using MuOfI = FrictionLaw<MuOfICurve>;
 
-/// Friction that is higher at rest, μ + Δμ, and falls to μ at I_* (Rousseau et al. 2023).
+/// Friction that is higher at rest, and falls to μ at I_* (Rousseau et al. 2023), as a ramp:
+/// \f[ μ(I) = μ + Δμ\, \max(0, 1 − I/I_*). \f]
 struct HystereticCurve {
   enum class Shape {
     ramp, ///< μ + Δμ (1 − I/I_*) below I_*: the paper's text

@@ -25,7 +25,7 @@ struct Viscosity {
 };
 
 /// A rheology with a Newtonian part: `r.viscosity()` → Viscosity. The stress is
-///   σ = −λ + 2 η D,   (D, λ) in the yield law.
+/// \f[ σ = −λ + 2 η D, \quad (D, λ) \ \text{in the yield law}. \f]
 template <class R>
 concept Viscous = Rheology<R> && requires(const R r) {
   { r.viscosity() } -> std::convertible_to<Viscosity>;

@@ -3,6 +3,7 @@
 
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/gate.hpp"
+#include "talus/boundary/obstacle.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -98,11 +99,11 @@ struct CollapseSetup {
 
   template <int Dim>
   std::shared_ptr<const Gate<Dim>> make_gate() const {
-    return std::make_shared<const Gate<Dim>>(typename Gate<Dim>::Params{.position = column_length,
-                                                                        .bottom = bed_depth,
-                                                                        .thickness = gate_thickness,
-                                                                        .friction = gate_friction,
-                                                                        .motion = gate});
+    return make_obstacle<Gate<Dim>>({.position = column_length,
+                                     .bottom = bed_depth,
+                                     .thickness = gate_thickness,
+                                     .friction = gate_friction,
+                                     .motion = gate});
   }
 
   /// Bed and column.
@@ -110,11 +111,9 @@ struct CollapseSetup {
   Particles<Dim, Real> particles(const Grid<Dim>& channel, const Seeding& seeding) const {
     constexpr int up = up_axis<Dim>;
     Particles<Dim, Real> particles;
+    if (bed_depth > 0)
+      fill_bed(particles, channel, bed_depth, seeding);
     Vec<Dim> lower = channel.origin(), upper = channel.upper();
-    if (bed_depth > 0) {
-      upper[up] = lower[up] + bed_depth;
-      fill_box(particles, channel, lower, upper, seeding);
-    }
     lower[up] += bed_depth;
     upper[up] = lower[up] + column_height;
     upper[0] = lower[0] + column_length;

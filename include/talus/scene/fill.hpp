@@ -112,6 +112,15 @@ std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, con
   return total;
 }
 
+/// Fills the box of the grid up to `depth` (m) above its floor, as fill_box does.
+template <int Dim, class Real>
+std::size_t fill_bed(Particles<Dim, Real>& particles, const Grid<Dim>& grid, double depth,
+                     const Seeding& seeding) {
+  Vec<Dim> upper = grid.upper();
+  upper[up_axis<Dim>] = grid.origin()[up_axis<Dim>] + depth;
+  return fill_box(particles, grid, grid.origin(), upper, seeding);
+}
+
 /// Fills the part of `region` that is in the box of the grid with particles at rest. A lattice of
 /// seeding.per_axis shares along a cell's edge is laid over the grid. Jittered: each share that is
 /// inside or cut holds one particle of the volume inside, moved at random within it. Random and

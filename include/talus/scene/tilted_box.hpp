@@ -71,9 +71,7 @@ struct TiltedBoxSetup {
   template <int Dim>
   Particles<Dim> particles(const Grid<Dim>& box, const Seeding& seeding) const {
     Particles<Dim> particles;
-    Vec<Dim> upper = box.upper();
-    upper[up_axis<Dim>] = box.origin()[up_axis<Dim>] + bed_depth;
-    fill_box(particles, box, box.origin(), upper, seeding);
+    fill_bed(particles, box, bed_depth, seeding);
     return particles;
   }
 };

@@ -26,11 +26,12 @@ namespace talus {
 /// Block Gauss–Seidel, matrix-free: visits the cones in turn, solves each local problem with the
 /// others frozen and puts the change of its stress into the velocities at once; between two sweeps
 /// it extrapolates,
-///   y_k = x_k + β_k (x_k − x_{k−1}),   β_k = min(momentum, (t_k − 1)/t_{k+1}),
-/// x: the stresses, impulses and velocities after sweep k (Nesterov's sequence t_{k+1} = (1 +
-/// sqrt(1 + 4 t_k²))/2), which saves 3 to 10 times the sweeps. It starts over with β = 0 when a
-/// sweep changed much more than the one before, and lowers the largest β when the changes no longer
-/// become less. What solve() leaves is always an x: the outcome of a sweep.
+/// \f[ y_k = x_k + β_k (x_k − x_{k−1}), \quad β_k = \min(\text{momentum}, (t_k − 1)/t_{k+1}), \quad
+///     t_{k+1} = \bigl( 1 + \sqrt{1 + 4 t_k^2} \bigr) / 2, \f]
+/// x: the stresses, impulses and velocities after sweep k (t: Nesterov's sequence), which saves 3
+/// to 10 times the sweeps. It starts over with β = 0 when a sweep changed much more than the one
+/// before, and lowers the largest β when the changes no longer become less. What solve() leaves is
+/// always an x: the outcome of a sweep.
 ///
 /// Local says how a visit improves the cone: ProjectionStep (default) goes one step, SecularSolver
 /// and the other models of LocalSolver go all the way. Law says to which local problem:
@@ -255,10 +256,12 @@ class GaussSeidel {
   static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads,
                           double beta) {
     const auto move = [&](auto& value, auto& last) {
-      const auto now = value;
-      if (beta > 0)
-        value += beta * (now - last);
-      last = now;
+      for (Eigen::Index k = 0; k < value.size(); ++k) {
+        const double now = value[k];
+        if (beta > 0)
+          value[k] += beta * (now - last[k]);
+        last[k] = now;
+      }
     };
     const auto move_all = [&](auto& values, auto& last) {
       if (last.size() != values.size())

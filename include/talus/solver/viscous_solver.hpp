@@ -24,10 +24,11 @@ struct [[nodiscard]] ViscousReport {
 
 /// Takes the viscous stress 2 η D implicitly: from the velocities u of a problem, all other
 /// impulses included, to u' with
-///   (M + δt K) u' = M u,   K u' = Σ_i (2 η / V_i) sym(Σ_k u'_k ⊗ g_ik) g_ij,
-/// V_i = Σ_p V_p N_i. The solver of the dual problem goes on from u'. As u contains the stresses of
-/// the last step, a steady flow is one of viscous and plastic stresses together, without an error
-/// of splitting.
+/// \f[ (M + δt\, K)\, u' = M u, \quad
+///     (K u')_j = \sum_i \frac{2 η}{V_i} \,\mathrm{sym}\Bigl( \sum_k u'_k ⊗ g_{ik} \Bigr) g_{ij},
+///     \quad V_i = \sum_p V_p N_i. \f]
+/// The solver of the dual problem goes on from u'. As u contains the stresses of the last step, a
+/// steady flow is one of viscous and plastic stresses together, without an error of splitting.
 ///
 /// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
 /// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that

@@ -15,7 +15,8 @@
 
 namespace talus {
 
-/// g_ij of one node i, one column (d numbers, m²) for each of its 3^d neighbours j.
+/// The coupling of one node i with its 3^d neighbours j, a column of d numbers (m^(d−1)) for each:
+/// \f[ g_{ij} = \sum_p V_p\, N_i(x_p)\, ∇N_j(x_p). \f]
 template <int Dim>
 using Coupling = Eigen::Matrix<double, Dim, ipow(3, Dim)>;
 

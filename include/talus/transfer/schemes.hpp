@@ -7,9 +7,10 @@
 
 namespace talus {
 
-/// Affine particle-in-cell (Jiang et al. 2015): v_p = Σ N_i u_i, C_p = Σ u_i ⊗ ∇N_i. For
-/// multilinear shape functions this C_p is B_p D_p⁻¹ of that paper; linear and angular momentum are
-/// kept.
+/// Affine particle-in-cell (Jiang et al. 2015):
+/// \f[ v_p = \sum_i N_i u_i, \quad C_p = \sum_i u_i ⊗ ∇N_i. \f]
+/// For multilinear shape functions this C_p is B_p D_p⁻¹ of that paper; linear and angular momentum
+/// are kept.
 struct Apic {
   struct Params {};
   static constexpr bool affine = true;
@@ -36,7 +37,8 @@ struct Pic {
   }
 };
 
-/// v_p ← r (v_p + Σ N_i (u_i − u*_i)) + (1 − r) Σ N_i u_i: FLIP for r = 1, PIC for r = 0.
+/// The blend of FLIP (r = 1) and PIC (r = 0):
+/// \f[ v_p ← r\, \Bigl( v_p + \sum_i N_i (u_i − u^*_i) \Bigr) + (1 − r) \sum_i N_i u_i. \f]
 struct Flip {
   struct Params {
     double ratio = 0.97; ///< r, in [0, 1]

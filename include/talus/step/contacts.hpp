@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/body.hpp"
+#include "talus/boundary/faces.hpp"
+#include "talus/boundary/node_in_solid.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/small_vectors.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/body_contact.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/step/boundaries.hpp"
+#include "talus/step/free_bodies.hpp"
+
+#include <compare>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+/// \file
+/// The Coulomb contacts of a step. Each goes on from the impulse that it had in the last one.
+
+namespace talus {
+
+/// Where a contact stands in its list: both lists are sorted by it.
+struct ContactPlace {
+  int body = 0;         ///< 0 for contacts of no free body
+  std::size_t node = 0; ///< rank of the node; corners of bodies come after all nodes
+  int source = 0;
+
+  friend auto operator<=>(const ContactPlace&, const ContactPlace&) = default;
+};
+
+/// Gives contacts the impulses that those at the same place had in the last step.
+template <class AnyContact>
+class LastImpulses {
+ public:
+  explicit LastImpulses(const std::vector<AnyContact>& last) : last_(last) {}
+
+  /// place_of(contact): its ContactPlace. Must be called in the order of places.
+  template <class PlaceOf>
+  void give(AnyContact& contact, const PlaceOf& place_of) {
+    const ContactPlace place = place_of(contact);
+    while (next_ < last_.size() && place_of(last_[next_]) < place)
+      ++next_;
+    if (next_ < last_.size() && place_of(last_[next_]) == place)
+      contact.impulse = last_[next_].impulse;
+  }
+
+ private:
+  const std::vector<AnyContact>& last_;
+  std::size_t next_ = 0;
+};
+
+/// Contacts of the nodes that carry cones with frictional faces and obstacles, block by block.
+/// node_rank: place of a node in the order of the blocks, #nodes; last: workspace.
+template <int Dim>
+void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
+                      DualProblem<Dim>& problem, std::vector<Contact<Dim>>& last) {
+  const Grid<Dim>& grid = bounds.grid;
+  std::swap(last, problem.contacts);
+  problem.contacts.clear();
+  LastImpulses<Contact<Dim>> impulses(last);
+  const auto add = [&](Contact<Dim> contact) {
+    impulses.give(contact, [&](const Contact<Dim>& c) {
+      return ContactPlace{0, node_rank[static_cast<std::size_t>(c.node)], c.source};
+    });
+    problem.contacts.push_back(contact);
+  };
+  for (Block& block : problem.blocks) {
+    block.contact_begin = problem.contacts.size();
+    for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+      const int node = problem.node[i];
+      const NodeVec<Dim>& inverse_mass = problem.inverse_mass[static_cast<std::size_t>(node)];
+      const Index<Dim> index = grid.node_index(node);
+      for_each_face(grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
+        if (face.kind != FaceKind::frictional || !(inverse_mass[axis] > 0))
+          return;
+        Contact<Dim> contact;
+        contact.node = node;
+        contact.source = bounds.face_source(axis, upper);
+        contact.normal[axis] = upper ? -1 : 1;
+        contact.friction = face.friction;
+        add(contact);
+      });
+      if (!(inverse_mass.maxCoeff() > 0))
+        continue;
+      for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
+        const auto held =
+            bounds.obstacles[o]->contact(grid.node_position(index), grid.spacing(), bounds.time);
+        if (!held)
+          continue;
+        Contact<Dim> contact;
+        contact.node = node;
+        contact.source = bounds.obstacle_source(o);
+        contact.normal = held->normal;
+        contact.wall_velocity = held->velocity;
+        contact.friction = held->friction;
+        add(contact);
+      }
+    }
+    block.contact_end = problem.contacts.size();
+  }
+}
+
+/// Contacts of the free bodies with nodes that carry cones, and of their corners with faces.
+/// open_share: of a node's volume, #nodes: 1 far from all solids; time_step: s.
+template <int Dim>
+void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
+                           const std::vector<double>& open_share, double time_step,
+                           DualProblem<Dim>& problem, std::vector<BodyContact<Dim>>& last) {
+  const Grid<Dim>& grid = bounds.grid;
+  std::swap(last, problem.body_contacts);
+  problem.body_contacts.clear();
+  LastImpulses<BodyContact<Dim>> impulses(last);
+  const auto add = [&](BodyContact<Dim>& contact) {
+    impulses.give(contact, [&](const BodyContact<Dim>& c) {
+      const std::size_t place = c.node < 0
+                                    ? node_rank.size() + static_cast<std::size_t>(-1 - c.node)
+                                    : node_rank[static_cast<std::size_t>(c.node)];
+      return ContactPlace{c.body, place, c.source};
+    });
+    contact.inverse_mass = contact_inverse_mass(problem, contact);
+    problem.body_contacts.push_back(contact);
+  };
+  for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
+    const Body<Dim>& body = bounds.bodies[b];
+    const RigidState<Dim>& state = bounds.body_states[b];
+    BodyContact<Dim> contact;
+    contact.body = static_cast<int>(b);
+    contact.source = bounds.body_source(b);
+    contact.friction = body.friction;
+    for (const int node : problem.node) {
+      const std::size_t j = static_cast<std::size_t>(node);
+      if (open_share[j] == 1 || !(problem.inverse_mass[j].maxCoeff() > 0))
+        continue; // too far away, or it cannot move
+      const Vec<Dim> x = grid.node_position(node);
+      const NodeInSolid<Dim> seen = node_in_body(bounds, b, x);
+      if (!seen.contact)
+        continue;
+      contact.node = node;
+      contact.normal = seen.normal;
+      contact.arm = minus<Dim>(x, state.position);
+      contact.impulse.setZero();
+      add(contact);
+    }
+    for_each_corner_gap(
+        grid, bounds.faces, body, state, [&](std::size_t c, int axis, bool upper, double gap) {
+          if (gap > grid.spacing()[axis])
+            return; // nothing crosses a cell in a step
+          const std::size_t s = static_cast<std::size_t>(axis);
+          const Face& face = upper ? bounds.faces.upper[s] : bounds.faces.lower[s];
+          BodyContact<Dim> touch;
+          touch.node = -1 - static_cast<int>(c);
+          touch.source = bounds.face_source(axis, upper);
+          touch.body = static_cast<int>(b);
+          touch.normal[axis] = upper ? 1 : -1;
+          touch.arm = plus_scaled<Dim>(product<Dim>(state.rotation, body.corners[c]),
+                                       body.corner_radius, touch.normal);
+          touch.wall_velocity =
+              scaled<Dim>(-gap / time_step, touch.normal); // it may come as near as that
+          touch.friction = face.kind == FaceKind::stick        ? body.friction
+                           : face.kind == FaceKind::frictional ? face.friction
+                                                               : 0;
+          add(touch);
+        });
+  }
+}
+
+} // namespace talus

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/faces.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/particles.hpp"
+
+#include <cstddef>
+#include <limits>
+#include <utility>
+#include <vector>
+
+/// \file
+/// What the faces of the box do to nodes and particles, but for friction: see contacts.hpp.
+
+namespace talus {
+
+/// u = 0 at nodes on sticking faces, u·n = 0 on slipping ones; there the inverse mass is 0 as well.
+template <int Dim>
+void hold_at_faces(const Faces<Dim>& faces, const std::vector<int>& nodes,
+                   DualProblem<Dim>& problem) {
+  for (const int node : nodes) {
+    const std::size_t j = static_cast<std::size_t>(node);
+    for_each_face(problem.grid, faces, problem.grid.node_index(node),
+                  [&](int axis, bool, const Face& face) {
+                    if (face.kind == FaceKind::stick) {
+                      problem.velocity[j].setZero();
+                      problem.inverse_mass[j].setZero();
+                    } else if (face.kind == FaceKind::slip) {
+                      problem.velocity[j][axis] = 0;
+                      problem.inverse_mass[j][axis] = 0;
+                    }
+                  });
+  }
+}
+
+/// Between which positions (m) particles may be: a wall lets nothing through, not even what a
+/// contact's residual would. Infinite where a face is free.
+template <int Dim>
+std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Grid<Dim>& grid) {
+  Vec<Dim> lower = grid.origin(), upper = grid.upper();
+  for (int a = 0; a < Dim; ++a) {
+    const std::size_t s = static_cast<std::size_t>(a);
+    if (faces.lower[s].kind == FaceKind::free)
+      lower[a] = -std::numeric_limits<double>::infinity();
+    if (faces.upper[s].kind == FaceKind::free)
+      upper[a] = std::numeric_limits<double>::infinity();
+  }
+  return {lower, upper};
+}
+
+/// Particles that left, and their volume, m^d.
+struct Outflow {
+  std::size_t particles = 0;
+  double volume = 0;
+};
+
+/// Takes out the particles that are outside of the box: they have passed a free face.
+template <int Dim, class Real>
+Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid,
+                       Particles<Dim, Real>& particles) {
+  Outflow outflow;
+  bool open = false;
+  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+    open = open || faces.lower[a].kind == FaceKind::free || faces.upper[a].kind == FaceKind::free;
+  if (!open)
+    return outflow;
+  const Vec<Dim> lower = grid.origin(), upper = grid.upper();
+  std::size_t kept = 0;
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    const Vec<Dim>& x = particles.position[p];
+    bool inside = true;
+    for (int a = 0; a < Dim; ++a)
+      inside = inside && x[a] >= lower[a] && x[a] <= upper[a];
+    if (inside) {
+      if (kept != p)
+        particles.copy(kept, particles, p);
+      ++kept;
+    } else {
+      ++outflow.particles;
+      outflow.volume += particles.volume[p];
+    }
+  }
+  particles.resize(kept);
+  return outflow;
+}
+
+} // namespace talus

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/body.hpp"
+#include "talus/boundary/faces.hpp"
+#include "talus/boundary/signed_distance.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+/// \file
+/// Free bodies from step to step: their start, their unknowns in the dual problem, their motion.
+
+namespace talus {
+
+/// Where the free bodies are, and what follows from their parameters; #bodies each.
+template <int Dim>
+struct FreeBodies {
+  std::vector<RigidState<Dim>> state;
+  std::vector<double> radius;                       ///< of their corners, m
+  std::vector<Mat<spin_size<Dim>>> inverse_inertia; ///< in their own frames; 0: it does not rotate
+};
+
+/// Throws std::invalid_argument unless all is finite and the rotation is one.
+template <int Dim>
+void check_body_state(const RigidState<Dim>& body) {
+  for (int a = 0; a < Dim; ++a) {
+    require_finite("a body's position", body.position[a]);
+    require_finite("a body's velocity", body.velocity[a]);
+  }
+  for (int a = 0; a < spin_size<Dim>; ++a)
+    require_finite("a body's angular velocity", body.angular_velocity[a]);
+  const double error = orthogonality_error<Dim>(body.rotation);
+  if (!(error < 1e-9))
+    throw_invalid("a body's |R Rᵀ - I|", error, "a rotation, < 1e-9");
+}
+
+/// Calls visit(corner, axis, upper, gap in m) for every corner and every face that is not free.
+template <int Dim, class Visit>
+void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const Body<Dim>& body,
+                         const RigidState<Dim>& state, const Visit& visit) {
+  for (std::size_t c = 0; c < body.corners.size(); ++c) {
+    const Vec<Dim> x = plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[c]));
+    for (int a = 0; a < Dim; ++a) {
+      const std::size_t s = static_cast<std::size_t>(a);
+      if (faces.lower[s].kind != FaceKind::free)
+        visit(c, a, false, x[a] - body.corner_radius - grid.origin()[a]);
+      if (faces.upper[s].kind != FaceKind::free)
+        visit(c, a, true, grid.upper()[a] - body.corner_radius - x[a]);
+    }
+  }
+}
+
+/// Throws std::invalid_argument if a parameter is out of range, a corner is outside of the box, or
+/// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box.
+template <int Dim>
+void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<Dim>& faces,
+                      const std::vector<int>& nodes) {
+  body.validate();
+  check_body_state(body.start);
+  const Placed<Dim> placed{body.shape, body.start};
+  double thickness = -2 * placed.distance(body.start.position);
+  for (const int node : nodes)
+    thickness = std::max(thickness, -2 * placed.distance(grid.node_position(node)));
+  const double least = 2 * grid.spacing().minCoeff();
+  if (!(thickness >= least))
+    throw_invalid("a body's thickness", thickness,
+                  "at least two cells, " + std::to_string(least) + " m");
+  for_each_corner_gap(grid, faces, body, body.start, [&](std::size_t, int axis, bool, double gap) {
+    if (gap < -1e-9 * grid.size()[axis])
+      throw_invalid("the distance of a body's corner to a face", gap, ">= 0");
+  });
+}
+
+/// The bodies at their start; throws as check_body_start.
+template <int Dim>
+FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Dim>& grid,
+                             const Faces<Dim>& faces, const std::vector<int>& nodes) {
+  FreeBodies<Dim> free;
+  for (const Body<Dim>& body : bodies) {
+    check_body_start(body, grid, faces, nodes);
+    double radius = 0;
+    for (const Vec<Dim>& corner : body.corners)
+      radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);
+    free.radius.push_back(radius);
+    free.state.push_back(body.start);
+    if (body.rotates) {
+      free.inverse_inertia.push_back(body.inverse_inertia());
+    } else {
+      free.inverse_inertia.push_back(Mat<spin_size<Dim>>::Zero());
+      free.state.back().angular_velocity.setZero();
+    }
+  }
+  return free;
+}
+
+/// A tensor in the body's own frame, in the box's.
+template <int Dim>
+Mat<spin_size<Dim>> in_box(const RigidState<Dim>& body, const Mat<spin_size<Dim>>& tensor) {
+  if constexpr (Dim == 2)
+    return tensor;
+  else
+    return matrix_product_transposed<3>(matrix_product<3>(body.rotation, tensor), body.rotation);
+}
+
+/// Puts the bodies into the problem as they would go on without contacts: with the change that
+/// gravity makes, m/s.
+template <int Dim>
+void set_free_velocities(const std::vector<Body<Dim>>& bodies, const FreeBodies<Dim>& free,
+                         const Vec<Dim>& change, DualProblem<Dim>& problem) {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    FreeBody<Dim>& body = problem.bodies[b];
+    body.velocity = plus<Dim>(free.state[b].velocity, change);
+    body.angular_velocity = free.state[b].angular_velocity;
+    body.inverse_mass = 1 / bodies[b].mass;
+    body.inverse_inertia = in_box(free.state[b], free.inverse_inertia[b]);
+  }
+}
+
+/// Moves the bodies on for `time` (s) with the velocities that the solve found. Without torque J ω
+/// stays: ω follows J, which turns with the body.
+template <int Dim>
+void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem, double time,
+                 FreeBodies<Dim>& free) {
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    RigidState<Dim>& body = free.state[b];
+    body.velocity = problem.bodies[b].velocity;
+    body.angular_velocity = problem.bodies[b].angular_velocity;
+    const Spin<Dim> momentum =
+        product<spin_size<Dim>>(in_box(body, bodies[b].inertia), body.angular_velocity);
+    body.advance(time);
+    if (Dim == 3 && bodies[b].rotates)
+      body.angular_velocity =
+          product<spin_size<Dim>>(in_box(body, free.inverse_inertia[b]), momentum);
+  }
+}
+
+} // namespace talus

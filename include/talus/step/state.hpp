@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/body.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/particles.hpp"
+#include "talus/step/boundaries.hpp"
+#include "talus/step/free_bodies.hpp"
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace talus {
+
+/// All that a simulation hands from one step to the next.
+template <int Dim, class Real = double>
+struct SimulationState {
+  double time = 0;                                   ///< s
+  std::size_t steps = 0;                             ///< made so far
+  double time_step = 0;                              ///< δt of the last step, s
+  Vec<Dim> gravity = Vec<Dim>::Zero();               ///< m/s²
+  Particles<Dim, Real> particles;                    ///< their order counts: sums depend on it
+  std::vector<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
+  std::vector<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
+  std::vector<RigidState<Dim>> bodies;
+  std::vector<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
+};
+
+/// The same without a copy: a view of a simulation, valid until its next step.
+template <int Dim, class Real = double>
+struct SimulationStateView {
+  double time;
+  std::size_t steps;
+  double time_step;
+  const Vec<Dim>& gravity;
+  const Particles<Dim, Real>& particles;
+  const std::vector<Vec<symmetric_size<Dim>>>& node_stress;
+  const std::vector<Contact<Dim>>& contacts;
+  const std::vector<RigidState<Dim>>& bodies;
+  const std::vector<BodyContact<Dim>>& body_contacts;
+};
+
+/// Throws std::invalid_argument if there is no particle, or one is outside the box, has no positive
+/// volume or a number that is not finite.
+template <int Dim, class Real>
+void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& grid) {
+  if (particles.empty())
+    throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
+  const auto check_size = [&](const char* name, std::size_t size) {
+    if (size != particles.size())
+      throw_invalid(std::string("the number of the particles' ") + name, size,
+                    std::to_string(particles.size()) + ", that of their positions");
+  };
+  check_size("velocities", particles.velocity.size());
+  check_size("affine matrices", particles.affine.size());
+  check_size("volumes", particles.volume.size());
+  check_size("ids", particles.id.size());
+  const Vec<Dim> lower = grid.origin(), upper = grid.upper();
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    require_positive("a particle's volume", particles.volume[p]);
+    for (int a = 0; a < Dim; ++a) {
+      require_finite("a particle's velocity", particles.velocity[p][a]);
+      const double x = particles.position[p][a];
+      if (!(x >= lower[a] && x <= upper[a]))
+        throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
+      for (int b = 0; b < Dim; ++b)
+        require_finite("a particle's affine matrix", particles.affine[p](a, b));
+    }
+  }
+}
+
+/// Throws std::invalid_argument if a particle is refused or the state does not fit the boundaries.
+template <int Dim, class Real>
+void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>& bounds) {
+  require_non_negative("state.time", state.time);
+  require_positive("state.time_step", state.time_step);
+  for (int a = 0; a < Dim; ++a)
+    require_finite("state.gravity", state.gravity[a]);
+  check_particles(state.particles, bounds.grid);
+  const int nodes = bounds.grid.node_count();
+  if (state.node_stress.size() != static_cast<std::size_t>(nodes))
+    throw_invalid("the number of nodes of the state", state.node_stress.size(),
+                  std::to_string(nodes));
+  const int sources = bounds.body_source(0);
+  for (const Contact<Dim>& contact : state.contacts) {
+    if (contact.node < 0 || contact.node >= nodes)
+      throw_invalid("the node of a contact", contact.node, "a node of the grid");
+    if (contact.source < 0 || contact.source >= sources)
+      throw_invalid("the source of a contact", contact.source, "below " + std::to_string(sources));
+  }
+  if (state.bodies.size() != bounds.bodies.size())
+    throw_invalid("the number of bodies of the state", state.bodies.size(),
+                  std::to_string(bounds.bodies.size()));
+  for (const RigidState<Dim>& body : state.bodies)
+    check_body_state(body);
+  for (const BodyContact<Dim>& contact : state.body_contacts) {
+    if (contact.body < 0 || contact.body >= static_cast<int>(bounds.bodies.size()))
+      throw_invalid("the body of a contact", contact.body, "a body of the simulation");
+    const Body<Dim>& body = bounds.bodies[static_cast<std::size_t>(contact.body)];
+    if (contact.node < -static_cast<int>(body.corners.size()) || contact.node >= nodes)
+      throw_invalid("the node of a contact", contact.node, "a node of the grid, or a corner");
+  }
+}
+
+} // namespace talus
