@@ -147,6 +147,7 @@ class Simulation {
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), problem_);
     collect_contacts(boundaries(), node_rank_, problem_, last_contacts_);
+    keep_from_obstacles();
     collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_, problem_,
                           last_body_contacts_);
     apply_impulses(problem_, stencil_);
@@ -370,6 +371,13 @@ class Simulation {
     spreading_.excess[j] =
         open_share_[j] < 1 ? -1 : params_.packing.excess(material_volume_[j] / volume);
     problem_.friction[i] = friction(i);
+  }
+
+  /// Nothing spreads through an obstacle, however thin.
+  void keep_from_obstacles() {
+    for (const Contact<Dim>& contact : problem_.contacts)
+      if (contact.source >= boundaries().obstacle_source(0))
+        spreading_.excess[static_cast<std::size_t>(contact.node)] = -1;
   }
 
   /// μ̃_i from the velocities and the stress that the problem has.
