@@ -55,15 +55,6 @@ struct Wrench {
   }
 };
 
-/// [r]×, spin_size × Dim: torque(r, f) = [r]× f and cross(ω, r) = [r]×ᵀ ω.
-template <int Dim>
-Eigen::Matrix<double, spin_size<Dim>, Dim> cross_matrix(const Vec<Dim>& r) {
-  Eigen::Matrix<double, spin_size<Dim>, Dim> m;
-  for (int a = 0; a < Dim; ++a)
-    m.col(a) = torque<Dim>(r, Vec<Dim>::Unit(a));
-  return m;
-}
-
 /// The rotation by |angle| (rad) about angle/|angle|: R = I + sin|a| N + (1 − cos|a|) N², N r =
 /// a/|a| × r (Rodrigues).
 template <int Dim>
