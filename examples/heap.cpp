@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 //
-// Sand runs out below a plate that is lifted slowly, and forms a heap: its slope against the angle
-// of friction. One half of it, beyond a plane of symmetry; the floor is rough.
+// Sand runs out below a plate that is lifted slowly, until a heap in front of it closes the gap:
+// the slope of the heap against the angle of friction. The floor is rough.
 
 #include "support/scene.hpp"
 
@@ -13,20 +13,21 @@
 #include <cmath>
 
 int main(int argc, char** argv) {
-  double length = 0.1, height = 0.2, lift_speed = 0.05; // m, m/s
+  double length = 0.1, height = 0.2, gap = 0.08, lift_speed = 0.01; // m, m/s
   support::Scene scene("heap", "Sand runs out below a plate that is lifted, and forms a heap.");
-  scene.run.end_time = 7;
+  scene.run.end_time = 10;
   scene.option("--column-length", length, "column_length_m", "m");
   scene.option("--column-height", height, "column_height_m", "m");
+  scene.option("--gap", gap, "gap_m", "Below the plate in the end, m");
   scene.option("--lift-speed", lift_speed, "lift_speed_m_s", "Of the plate, m/s");
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
     auto params = scene.box<dim>({0.5, 0.05, 0.22});
-    for (std::size_t a = 0; a + 1 < dim; ++a) // no friction at the sides and in the middle
+    for (std::size_t a = 0; a + 1 < dim; ++a) // no friction at the sides
       params.faces.lower[a] = params.faces.upper[a] = {talus::FaceKind::slip};
     params.obstacles = {talus::make_obstacle<talus::Gate<dim>>(
         {.position = length,
          .friction = scene.wall_friction,
-         .motion = {.terminal_speed = lift_speed, .time_constant = 0}})};
+         .motion = {.terminal_speed = lift_speed, .time_constant = 0, .rise = gap}})};
     const auto column = [&](const talus::Vec<dim>& x) {
       return x[0] < length && x[dim - 1] < height;
     };
@@ -39,9 +40,9 @@ int main(int argc, char** argv) {
     while (run.advance()) {
     }
 
-    const talus::Profile surface = talus::measure_profile(sim);
-    const double top = *std::ranges::max_element(surface.height);
-    const auto line = talus::fit_line_between(surface.x, surface.height, 0.2 * top, 0.8 * top);
+    const auto outside = talus::profile_beyond(talus::measure_profile(sim), length);
+    const double top = *std::ranges::max_element(outside.height);
+    const auto line = talus::fit_line_between(outside.x, outside.height, 0.2 * top, 0.8 * top);
     const double angle = support::degrees(std::atan(-line.slope));
     const double friction_angle = support::degrees(std::atan(scene.friction));
     return run.finish(

@@ -233,6 +233,14 @@ TEST_CASE("the gate's motion") {
   const GateMotion sudden{.opening_time = 0, .terminal_speed = 0.5, .time_constant = 0};
   CHECK(sudden.speed(1) == 0.5);
   CHECK(sudden.travel(2) == doctest::Approx(1));
+  const GateMotion stopping{.terminal_speed = 0.5, .time_constant = 0, .rise = 0.3};
+  CHECK(stopping.travel(0.5) == doctest::Approx(0.25));
+  CHECK(stopping.speed(0.5) == 0.5);
+  CHECK(stopping.travel(2) == 0.3);
+  CHECK(stopping.speed(2) == 0);
+  CHECK_THROWS_WITH_AS(Gate<2>({.motion = {.rise = -0.1}}),
+                       "gate.motion.rise is -0.1; allowed: 0 or more, or infinity",
+                       std::invalid_argument);
 }
 
 TEST_CASE("a closed gate holds the column, wherever it stands between nodes") {

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: MIT
-// A silo: what its floor carries, and how fast it empties.
+// A silo: what its floor carries, and how fast it empties. A heap: its slope.
 
 #include "scenes.hpp"
 
 #include "talus/boundary/floor.hpp"
+#include "talus/boundary/gate.hpp"
+#include "talus/diagnostics/fits.hpp"
+#include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/silo.hpp"
 
 #include <doctest/doctest.h>
@@ -102,4 +105,28 @@ TEST_CASE("the rate of a silo goes with the opening to the power 3/2") {
   };
   const double narrow = rate(7 * cell), wide = rate(15 * cell);
   CHECK(std::log(wide / narrow) / std::log(15.0 / 7) == doctest::Approx(1.5).epsilon(0.05));
+}
+
+TEST_CASE("the slope of a heap is the angle of friction") {
+  // Runs out below a plate until it closes the gap itself; 5 cells high, so within 2°.
+  const double length = 0.08, gap = 0.05, lift_speed = 0.02;
+  for (const double friction : {0.3, 0.6}) {
+    CAPTURE(friction);
+    auto params = scenes::box<2>({0.32, 0, 0.12}, {32, 1, 12}, 0, friction);
+    params.time_step = 1.6e-3;
+    params.faces.lower[0] = params.faces.upper[0] = {FaceKind::slip};
+    params.obstacles = {make_obstacle<Gate<2>>(
+        {.position = length,
+         .friction = 0.2,
+         .motion = {.terminal_speed = lift_speed, .time_constant = 0, .rise = gap}})};
+    Particles<2> sand;
+    fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {length, 0.11}, {});
+    scenes::Sim<2> sim(params, sand);
+    while (sim.time() < gap / lift_speed + 0.5)
+      REQUIRE(sim.step().completed());
+    const auto outside = profile_beyond(measure_profile(sim), length);
+    const auto line = fit_line_between(outside.x, outside.height, 0.2 * gap, 0.8 * gap);
+    const double degree = std::atan(1.0) / 45;
+    CHECK(std::abs(std::atan(-line.slope) - std::atan(friction)) < 2 * degree);
+  }
 }

@@ -12,27 +12,28 @@
 
 namespace talus {
 
-/// Motion of a pneumatic gate from the opening on (Rousseau et al. 2023):
-/// \f[ U(t) = U_∞ (1 − e^{−t/τ}). \f]
+/// Motion of a pneumatic gate from the opening on (Rousseau et al. 2023),
+/// \f[ U(t) = U_∞ (1 − e^{−t/τ}), \f] until it has risen as far as it goes.
 struct GateMotion {
-  double opening_time = 0;     ///< s
-  double terminal_speed = 0.7; ///< U_∞, m/s
-  double time_constant = 0.13; ///< τ, s; 0: at full speed at once
+  double opening_time = 0;                               ///< s
+  double terminal_speed = 0.7;                           ///< U_∞, m/s
+  double time_constant = 0.13;                           ///< τ, s; 0: at full speed at once
+  double rise = std::numeric_limits<double>::infinity(); ///< m, where it stops
 
   double speed(double time) const {
     const double t = time - opening_time;
-    if (!(t > 0))
+    if (!(t > 0) || !(travel(time) < rise))
       return 0;
     return time_constant > 0 ? -terminal_speed * std::expm1(-t / time_constant) : terminal_speed;
   }
 
-  /// ∫ U dt = U_∞ (t − τ (1 − exp(−t/τ))), m.
+  /// ∫ U dt = U_∞ (t − τ (1 − exp(−t/τ))), m, at most `rise`.
   double travel(double time) const {
     const double t = time - opening_time;
     if (!(t > 0))
       return 0;
     const double lag = time_constant > 0 ? -time_constant * std::expm1(-t / time_constant) : 0;
-    return terminal_speed * (t - lag);
+    return std::min(rise, terminal_speed * (t - lag));
   }
 };
 
@@ -57,6 +58,8 @@ class Gate final : public Obstacle<Dim> {
     require_non_negative("gate.motion.opening_time", params_.motion.opening_time);
     require_non_negative("gate.motion.terminal_speed", params_.motion.terminal_speed);
     require_non_negative("gate.motion.time_constant", params_.motion.time_constant);
+    if (!(params_.motion.rise >= 0))
+      throw_invalid("gate.motion.rise", params_.motion.rise, "0 or more, or infinity");
   }
 
   /// Height of the lower edge, m.

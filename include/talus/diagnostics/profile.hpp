@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
@@ -8,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <vector>
 
@@ -67,6 +69,17 @@ Profile measure_profile(const Flow& flow, int row = 0, double static_speed = 0.0
     profile.static_height.push_back(std::min(surface, still));
   }
   return profile;
+}
+
+/// The part of a profile beyond x (m). Throws std::invalid_argument if no node is.
+inline Profile profile_beyond(const Profile& profile, double x) {
+  const auto first = std::ranges::upper_bound(profile.x, x) - profile.x.begin();
+  const auto part = [&](const std::vector<double>& values) {
+    return std::vector(values.begin() + first, values.end());
+  };
+  if (first == std::ssize(profile.x))
+    throw_invalid("profile_beyond: x", x, "less than that of the profile's last node");
+  return {part(profile.x), part(profile.height), part(profile.static_height)};
 }
 
 /// Where the deposit that starts upstream ends: the first x at which the surface falls to `level`
