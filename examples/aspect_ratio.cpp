@@ -7,6 +7,9 @@
 
 #include "talus/diagnostics/fits.hpp"
 
+#include <cmath>
+#include <optional>
+
 namespace {
 
 using support::text;
@@ -47,8 +50,8 @@ support::Job job(double a, bool wide, const support::StudyOptions& options) {
   return {(wide ? "wide_" : "narrow_") + text(a).substr(0, 5), arguments};
 }
 
-support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options) {
-  const int count = options.reference() ? 20 : 8;
+support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options,
+                            int count) {
   std::vector<double> ratios;
   for (int k = 0; k < count; ++k)
     ratios.push_back(std::pow(20.0, k / (count - 1.0)));
@@ -114,10 +117,15 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
 
 int main(int argc, char** argv) {
   support::StudyOptions options;
+  std::optional<int> values;
   CLI::App app("Deposits against the aspect ratio of the column (Rousseau et al. 2023).");
+  app.add_option("--values", values,
+                 "Aspect ratios from 1 to 20; without: 8, or 20 at the reference")
+      ->check(CLI::Range(7, 1000));
   support::add_study_options(app, options, "aspect_ratio");
   return support::run_program(app, argc, argv, [&] {
+    const int count = values.value_or(options.reference() ? 20 : 8);
     return support::run_study(options, "aspect_ratio",
-                              [&](support::Sweep& sweep) { return study(sweep, options); });
+                              [&](support::Sweep& sweep) { return study(sweep, options, count); });
   });
 }
