@@ -63,6 +63,7 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
 
   support::StudyResults results;
   results.title = "Level columns on a bare floor";
+  results.inputs["values"] = count;
   results.columns = {"channel", "a", "runout_over_L0", "H0_over_Hf"};
   support::Panel runouts({.title = "Run-out of the farthest particle at rest",
                           .x = "a = H_0/L_0",

@@ -67,7 +67,8 @@ def draw_panel(axes, panel):
         axes.set(yscale="log")
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
-    axes.legend(loc="best", framealpha=0.95, fontsize=11)
+    handles = dict(zip(*reversed(axes.get_legend_handles_labels())))  # one for each name
+    axes.legend(handles.values(), handles.keys(), loc="best", framealpha=0.95, fontsize=11)
 
 
 def draw(picture):

@@ -305,6 +305,7 @@ inline void add_published(Panel& panel, const nlohmann::json& published) {
 
 /// What a study leaves besides its runs: OUT/summary.json, OUT/NAME.csv and OUT/NAME.png.
 struct StudyResults {
+  nlohmann::json inputs = nlohmann::json::object(); ///< but the resolution
   nlohmann::json measured;
   std::vector<std::string> columns; ///< of the table
   std::vector<std::vector<std::string>> rows;
@@ -332,7 +333,7 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
     table.close();
     if (!table)
       throw std::runtime_error("cannot write " + (out / (name + ".csv")).string());
-    nlohmann::json inputs = nlohmann::json::object();
+    nlohmann::json inputs = results.inputs;
     std::string title = results.title;
     if (!options.resolution.empty()) {
       inputs["resolution"] = options.resolution;
@@ -345,14 +346,14 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
                                       {"measured", results.measured},
                                       {"wall_seconds", stopwatch.seconds()}});
     if (!options.common.quiet) {
-      for (const std::string& column : results.columns)
-        std::printf("%18s", column.c_str());
-      std::printf("\n");
-      for (const auto& row : results.rows) {
+      const auto print_row = [](const std::vector<std::string>& row) {
         for (const std::string& cell : row)
           std::printf("%18s", cell.c_str());
         std::printf("\n");
-      }
+      };
+      print_row(results.columns);
+      for (const auto& row : results.rows)
+        print_row(row);
     }
     draw_panels(options.common, name, title, results.panels);
     return 0;
