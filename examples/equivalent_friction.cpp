@@ -22,66 +22,81 @@ std::vector<std::string> set_up(double inclination) {
   return arguments;
 }
 
+support::Job job_2d(double inclination, double mu) {
+  // The upstream wall keeps its friction.
+  auto arguments = set_up(inclination);
+  arguments.insert(arguments.end(), {"--dim", "2", "--friction", text(mu)});
+  char name[64];
+  std::snprintf(name, sizeof name, "2d_%gdeg_mu%.6f", inclination, mu);
+  return {name, arguments};
+}
+
 support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options) {
   const std::vector<double> widths = options.reference()
                                          ? std::vector<double>{0.004, 0.01, 0.02, 0.04, 0.08, 0.2}
                                          : std::vector<double>{0.01, 0.02, 0.04, 0.1};
+  const support::Values frictions = {0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2};
   const double along = options.reference() ? 0.01 : 0.02;
+  const support::Values slopes = {0, 15}; // degrees
   std::vector<support::Job> jobs;
-  std::vector<double> slopes, ratios;
-  for (const double inclination : {0.0, 15.0})
+  for (const double slope : slopes) {
     for (const double width : widths) {
-      auto arguments = set_up(inclination);
+      auto arguments = set_up(slope);
       arguments.insert(arguments.end(), {"--width", text(width), "--cell", text(along),
                                          text(std::min(along, width / 3)), text(along / 2)});
-      jobs.push_back({"3d_" + text(inclination) + "deg_" + text(100 * width) + "cm", arguments});
-      slopes.push_back(inclination);
-      ratios.push_back(height / width);
+      jobs.push_back({"3d_" + text(slope) + "deg_" + text(100 * width) + "cm", arguments});
     }
-  const auto summaries = sweep.run(jobs, "equivalent_friction, 3-D");
-
-  // The 2-D runs: each friction is one folder, so that none is run twice. The upstream wall keeps
-  // its friction.
-  const auto height_2d = [&](double inclination, double mu) {
-    auto arguments = set_up(inclination);
-    arguments.insert(arguments.end(), {"--dim", "2", "--friction", text(mu)});
-    char name[64];
-    std::snprintf(name, sizeof name, "2d_%gdeg_mu%.6f", inclination, mu);
-    return sweep.run({{name, arguments}}, name)[0]
-        .at("measured")
-        .at("height_final_m")
-        .get<double>();
+    for (const double mu : frictions)
+      jobs.push_back(job_2d(slope, mu));
+  }
+  const auto height_final = [](const nlohmann::json& summary) {
+    return summary.at("measured").at("height_final_m").get<double>();
   };
-
+  const auto summaries = sweep.run(jobs, "equivalent_friction");
+  auto summary = summaries.begin(); // in the order of the jobs
   support::StudyResults results;
   results.title = "Equivalent 2-D friction, a = 1";
   results.columns = {"inclination_deg", "H0_over_W", "height_final_m", "mu_2D", "bracket"};
   support::Panel panel({.title = "μ_2D of equal H_f", .x = "H_0/W", .y = "μ_2D"});
-  for (const double inclination : {0.0, 15.0}) {
-    support::Values x, y;
-    for (std::size_t i = 0; i < jobs.size(); ++i) {
-      if (slopes[i] != inclination)
-        continue;
-      const double wanted = summaries[i].at("measured").at("height_final_m");
-      const talus::Root root = talus::find_root(
-          [&](double mu) { return height_2d(inclination, mu) - wanted; }, 0.40, 1.2, 2e-3, 2e-4);
-      results.rows.push_back({text(inclination), text(ratios[i]), text(wanted),
-                              root.found ? text(root.x) : "none", text(root.high - root.low)});
+  support::Panel heights({.title = "2-D", .x = "μ", .y = "H_f (m)"});
+  for (const double slope : slopes) {
+    const std::string label = "i = " + text(slope) + "°";
+    support::Values channel_heights, trial_heights, x, y;
+    for (std::size_t i = 0; i < widths.size(); ++i)
+      channel_heights.push_back(height_final(*summary++));
+    for (std::size_t i = 0; i < frictions.size(); ++i)
+      trial_heights.push_back(height_final(*summary++));
+    heights.add("points", label, frictions, trial_heights);
+    for (std::size_t i = 0; i < widths.size(); ++i) {
+      const double wanted = channel_heights[i];
+      const auto excess = [&](double mu) { // each friction has its folder: none is run twice
+        const support::Job job = job_2d(slope, mu);
+        return height_final(sweep.run({job}, job.name)[0]) - wanted;
+      };
+      // The first crossing: with much friction the column slides off the wall as a block, and its
+      // height there falls again.
+      const auto above = std::ranges::find_if(trial_heights, [&](double h) { return h >= wanted; });
+      const auto k = static_cast<std::size_t>(above - trial_heights.begin());
+      talus::Root root;
+      if (k > 0 && k < frictions.size())
+        root = talus::find_root(excess, frictions[k - 1], frictions[k], 2e-3, 2e-4);
+      results.rows.push_back({text(slope), text(height / widths[i]), text(wanted),
+                              root.found ? text(root.x) : "none",
+                              root.found ? text(root.high - root.low) : ""});
       if (root.found) {
-        x.push_back(ratios[i]);
+        x.push_back(height / widths[i]);
         y.push_back(root.x);
       }
     }
-    const std::string label = "i = " + text(inclination) + "°";
     panel.add("points", label, x, y);
     if (x.size() < 3)
       continue;
     const talus::LineFit fit = talus::fit_line(x, y);
-    results.measured[text(inclination) + " deg"] = {{"k", fit.slope},
-                                                    {"k_error", fit.slope_error},
-                                                    {"intercept", fit.intercept},
-                                                    {"intercept_error", fit.intercept_error},
-                                                    {"points", fit.points}};
+    results.measured[text(slope) + " deg"] = {{"k", fit.slope},
+                                              {"k_error", fit.slope_error},
+                                              {"intercept", fit.intercept},
+                                              {"intercept_error", fit.intercept_error},
+                                              {"points", fit.points}};
     const double end = *std::max_element(x.begin(), x.end());
     panel.add("dashed",
               label + ": " + text(fit.intercept).substr(0, 5) + " + " +
@@ -89,7 +104,7 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
               {0, end}, {fit(0), fit(end)});
   }
   results.measured["friction_3d"] = friction;
-  results.panels = {panel};
+  results.panels = {panel, heights};
   return results;
 }
 
