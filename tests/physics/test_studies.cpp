@@ -4,6 +4,7 @@
 #include "../support/collapse.hpp"
 #include "scenes.hpp"
 
+#include "talus/diagnostics/find_root.hpp"
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/quantiles.hpp"
@@ -32,30 +33,49 @@ Deposit deposit(const Sim& sim, const CollapseSetup& setup) {
 }
 
 /// A collapse that has run for `seconds`. cell: along, across and up, m.
-template <int Dim>
-scenes::Sim<Dim> collapsed(const CollapseSetup& setup, const Vec<3>& cell, double time_step,
-                           double seconds, double mu = 0.44) {
-  auto params = support::collapse_params<scenes::Sim<Dim>>(setup, cell, time_step);
-  params.rheology.mu = mu;
-  scenes::Sim<Dim> sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 5 - Dim}));
+template <int Dim, class Rheology = ConstantFriction>
+auto collapsed(const CollapseSetup& setup, const Vec<3>& cell, double time_step, double seconds,
+               const typename Rheology::Params& rheology = {.mu = 0.44}) {
+  using Sim = Simulation<Dim, Rheology, Apic, GaussSeidel<>>;
+  auto params = support::collapse_params<Sim>(setup, cell, time_step);
+  params.rheology = rheology;
+  Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 5 - Dim}));
   while (sim.time() < seconds)
     CHECK(sim.step().completed());
   return sim;
 }
 
-Deposit b15_deposit(double mu) {
+template <class Rheology = ConstantFriction>
+Deposit b15_deposit(const typename Rheology::Params& rheology) {
   const CollapseSetup setup = support::b15();
-  return deposit(collapsed<2>(setup, {0.04, 0.04, 0.02}, 3e-3, 1.5, mu), setup);
+  return deposit(collapsed<2, Rheology>(setup, {0.04, 0.04, 0.02}, 3e-3, 1.5, rheology), setup);
 }
 
 } // namespace
 
 TEST_CASE("the less friction, the longer and flatter the deposit") {
-  const Deposit stop = b15_deposit(0.38), avalanche = b15_deposit(0.44), rest = b15_deposit(0.54);
+  const Deposit stop = b15_deposit({0.38}), avalanche = b15_deposit({0.44});
+  const Deposit rest = b15_deposit({0.54});
   CHECK(stop.runout > avalanche.runout + 0.02);
   CHECK(avalanche.runout > rest.runout + 0.02);
   CHECK(stop.height < avalanche.height - 0.002);
   CHECK(avalanche.height < rest.height - 0.002);
+}
+
+TEST_CASE("mu(I) runs farther than the avalanche friction, hysteresis less far") {
+  const InertialNumber beads{.grain_diameter = 0.5e-3, .density = 1470};
+  const HystereticCurve step{.shape = HystereticCurve::Shape::step};
+  const Deposit mu_of_i = b15_deposit<MuOfI>({.inertial = beads});
+  const Deposit ramp = b15_deposit<HystereticFriction>({.inertial = beads});
+  const Deposit stepped = b15_deposit<HystereticFriction>({.law = step, .inertial = beads});
+  const Deposit flowing = b15_deposit({0.38}), avalanche = b15_deposit({0.44});
+  const Deposit resting = b15_deposit({0.54}); // hysteresis at rest
+  CHECK(flowing.runout > mu_of_i.runout);
+  CHECK(mu_of_i.runout > avalanche.runout);
+  CHECK(mu_of_i.height < avalanche.height);
+  CHECK(avalanche.runout > ramp.runout);
+  CHECK(ramp.runout > stepped.runout); // its friction falls sooner
+  CHECK(stepped.runout > resting.runout - 0.01);
 }
 
 TEST_CASE("a narrow channel keeps the deposit higher at the wall, and shorter") {
@@ -70,6 +90,32 @@ TEST_CASE("a narrow channel keeps the deposit higher at the wall, and shorter") 
   const Deposit narrow = in_channel(0.01), wide = in_channel(0.04);
   CHECK(narrow.height > wide.height + 0.005);
   CHECK(narrow.runout < wide.runout - 0.02);
+}
+
+TEST_CASE("walls act as friction that grows with height over width") {
+  const double height = 0.12; // m, with a = 1
+  CollapseSetup setup = support::b15();
+  setup.column_length = setup.column_height = height;
+  setup.length = 0.9;
+  const Vec<3> cell(0.03, 0.03, 0.015);
+  const auto equivalent = [&](double width) { // μ_2D of the same H_f
+    CollapseSetup channel = setup;
+    channel.width = width;
+    const Vec<3> across(cell[0], width / 3, cell[2]);
+    const double wanted = deposit(collapsed<3>(channel, across, 4e-3, 0.9), channel).height;
+    const Root root = find_root(
+        [&](double mu) {
+          return deposit(collapsed<2>(setup, cell, 4e-3, 0.9, {mu}), setup).height - wanted;
+        },
+        0.4, 0.7, 0.01, 2e-4);
+    CHECK(root.found);
+    return root.x;
+  };
+  const double narrow = equivalent(0.03), wide = equivalent(0.12);
+  CHECK(wide > 0.44);
+  CHECK(narrow > wide + 0.03);
+  // less than μ_w H_0/W, of which Ionescu et al. 2015 take half
+  CHECK(narrow < 0.44 + 0.23 / 2 * height / 0.03);
 }
 
 TEST_CASE("a tall column runs out in proportion to its aspect ratio, and sinks more") {
