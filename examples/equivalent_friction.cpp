@@ -56,12 +56,13 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
   auto summary = summaries.begin(); // in the order of the jobs
   support::StudyResults results;
   results.title = "Equivalent 2-D friction, a = 1";
-  results.columns = {"inclination_deg", "H0_over_W", "height_final_m", "mu_2D", "bracket"};
+  results.columns = {"inclination_deg", "H0_over_W", "height_final_m",
+                     "mu_2D",           "bracket",   "mu_2D_per_mm"};
   support::Panel panel({.title = "μ_2D of equal H_f", .x = "H_0/W", .y = "μ_2D"});
   support::Panel heights({.title = "2-D", .x = "μ", .y = "H_f (m)"});
   for (const double slope : slopes) {
     const std::string label = "i = " + text(slope) + "°";
-    support::Values channel_heights, trial_heights, x, y;
+    support::Values channel_heights, trial_heights, x, y, y_error;
     for (std::size_t i = 0; i < widths.size(); ++i)
       channel_heights.push_back(height_final(*summary++));
     for (std::size_t i = 0; i < frictions.size(); ++i)
@@ -80,15 +81,20 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
       talus::Root root;
       if (k > 0 && k < frictions.size())
         root = talus::find_root(excess, frictions[k - 1], frictions[k], 2e-3, 2e-4);
-      results.rows.push_back({text(slope), text(height / widths[i]), text(wanted),
-                              root.found ? text(root.x) : "none",
-                              root.found ? text(root.high - root.low) : ""});
+      std::vector<std::string> row = {text(slope), text(height / widths[i]), text(wanted)};
       if (root.found) {
         x.push_back(height / widths[i]);
         y.push_back(root.x);
+        // what a millimetre of H_f, a part of a cell, makes of it
+        y_error.push_back(1e-3 * (frictions[k] - frictions[k - 1]) /
+                          (trial_heights[k] - trial_heights[k - 1]));
+        row.insert(row.end(), {text(root.x), text(root.high - root.low), text(y_error.back())});
+      } else {
+        row.insert(row.end(), {"none", "", ""});
       }
+      results.rows.push_back(row);
     }
-    panel.add("points", label, x, y);
+    panel.add("points", label, x, y, y_error);
     if (x.size() < 3)
       continue;
     const talus::LineFit fit = talus::fit_line(x, y);
