@@ -346,14 +346,17 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
                                       {"measured", results.measured},
                                       {"wall_seconds", stopwatch.seconds()}});
     if (!options.common.quiet) {
-      const auto print_row = [](const std::vector<std::string>& row) {
-        for (const std::string& cell : row)
-          std::printf("%18s", cell.c_str());
+      std::vector<std::vector<std::string>> lines = {results.columns};
+      lines.insert(lines.end(), results.rows.begin(), results.rows.end());
+      std::vector<std::size_t> widths(results.columns.size());
+      for (const auto& line : lines)
+        for (std::size_t c = 0; c < widths.size(); ++c)
+          widths[c] = std::max(widths[c], line.at(c).size());
+      for (const auto& line : lines) {
+        for (std::size_t c = 0; c < widths.size(); ++c)
+          std::printf("%s%*s", c > 0 ? "  " : "", static_cast<int>(widths[c]), line[c].c_str());
         std::printf("\n");
-      };
-      print_row(results.columns);
-      for (const auto& row : results.rows)
-        print_row(row);
+      }
     }
     draw_panels(options.common, name, title, results.panels);
     return 0;
