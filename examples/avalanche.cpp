@@ -150,6 +150,14 @@ int run(const Options& options) {
                            {"seconds", state.seconds + stopwatch.seconds()}});
   };
 
+  const auto write_table = [&] { // after each tilt: a run may take hours
+    talus::CsvWriter table(out / "angles.csv",
+                           {"tilt_deg", "surface_deg", "expected_deg", "seconds_to_rest_s",
+                            "speed_max_m_s", "speed_at_rest_m_s"});
+    for (const json& row : state.rows)
+      table.row(std::vector<double>(row));
+    table.close();
+  };
   talus::Progress progress("avalanche", {.quiet = options.common.quiet});
   const int tilts = 1 + static_cast<int>(std::lround((last - first) / options.step));
   std::string status = "completed";
@@ -192,18 +200,15 @@ int run(const Options& options) {
     }
     state.rows.push_back({tilt, surface_angle(sim, tilt), std::min(tilt, friction_angle),
                           state.last_motion, state.fastest, speed});
+    write_table();
     state.since = sim.time();
     state.last_motion = state.fastest = 0;
   }
   progress.finish(status);
 
-  talus::CsvWriter table(out / "angles.csv",
-                         {"tilt_deg", "surface_deg", "expected_deg", "seconds_to_rest_s",
-                          "speed_max_m_s", "speed_at_rest_m_s"});
   support::Values tilt, surface, expected, deviation, at_rest;
   double worst = 0;
   for (const json& row : state.rows) {
-    table.row(std::vector<double>(row));
     tilt.push_back(row[0]);
     surface.push_back(row[1]);
     expected.push_back(row[2]);
@@ -211,7 +216,6 @@ int run(const Options& options) {
     at_rest.push_back(row[5]);
     worst = std::max(worst, std::abs(deviation.back()));
   }
-  table.close();
 
   json summary = {{"program", "avalanche"},
                   {"versions", support::versions()},
