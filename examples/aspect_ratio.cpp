@@ -64,23 +64,31 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
   support::StudyResults results;
   results.title = "Level columns on a bare floor";
   results.inputs["values"] = count;
-  results.columns = {"channel", "a", "runout_over_L0", "H0_over_Hf"};
+  results.columns = {"channel", "a", "runout_over_L0", "deposit_over_L0", "H0_over_Hf"};
   support::Panel runouts({.title = "Run-out of the farthest particle at rest",
                           .x = "a = H_0/L_0",
                           .y = "(L_f − L_0)/L_0",
                           .log = true});
+  // Not the paper's measure: single grains lie far ahead of the deposit.
+  support::Panel deposits({.title = "Run-out of the surface above 2 mm",
+                           .x = "a = H_0/L_0",
+                           .y = "(L_f − L_0)/L_0",
+                           .log = true});
   support::Panel heights(
       {.title = "Height at the wall", .x = "a = H_0/L_0", .y = "H_0/H_f", .log = true});
   for (const bool wide : {true, false}) {
     const std::string channel = wide ? "wide" : "narrow";
-    support::Values runout, height;
+    support::Values runout, deposit, height;
     for (std::size_t k = 0; k < ratios.size(); ++k) {
       const auto& measured = summaries[k + (wide ? 0 : ratios.size())].at("measured");
       runout.push_back(measured.at("farthest_at_rest_m").get<double>() / length - 1);
+      deposit.push_back(measured.at("runout_m").get<double>() / length);
       height.push_back(ratios[k] * length / measured.at("height_final_m").get<double>());
-      results.rows.push_back({channel, text(ratios[k]), text(runout.back()), text(height.back())});
+      results.rows.push_back({channel, text(ratios[k]), text(runout.back()), text(deposit.back()),
+                              text(height.back())});
     }
     runouts.add("points", channel, ratios, runout);
+    deposits.add("points", channel, ratios, deposit);
     heights.add("points", channel, ratios, height);
     const auto fit = [&](support::Panel& panel, const std::string& name, const support::Values& y,
                          double from, double to) {
@@ -104,13 +112,17 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     };
     fit(runouts, "(Lf-L0)/L0", runout, 1, 7);
     fit(runouts, "(Lf-L0)/L0", runout, 7, 20);
+    fit(deposits, "deposit/L0", deposit, 1, 7);
+    fit(deposits, "deposit/L0", deposit, 7, 20);
     fit(heights, "H0/Hf", height, 1, 7);
   }
   const support::Values low = {1, 7}, high = {7, 20};
-  runouts.add("reference", "published, wide", low, {2, 14});
-  runouts.add("reference", "", high, {3.4 * std::pow(7, 0.65), 3.4 * std::pow(20, 0.65)});
+  for (support::Panel* panel : {&runouts, &deposits}) {
+    panel->add("reference", "published, wide", low, {2, 14});
+    panel->add("reference", "", high, {3.4 * std::pow(7, 0.65), 3.4 * std::pow(20, 0.65)});
+  }
   heights.add("reference", "published, wide", low, {1.3, 1.3 * std::pow(7, 0.67)});
-  results.panels = {runouts, heights};
+  results.panels = {runouts, heights, deposits};
   return results;
 }
 

@@ -6,6 +6,7 @@
 
 #include "support/command_line.hpp"
 #include "support/policies.hpp"
+#include "support/published.hpp"
 #include "support/run.hpp"
 
 #include "talus/boundary/gate.hpp"
@@ -126,15 +127,11 @@ class Measurement {
 void print_beside(const char* what, double measured, const json& published, const std::string& key,
                   const std::string& unit) {
   const auto value = [&](const std::string& source) -> std::string {
-    const std::string name = key + "_" + source + unit;
-    std::string half = key + "_" + source + "_pm" + unit; // or one for both
-    if (!published.contains(half))
-      half = key + "_pm" + unit;
-    if (!published.contains(name) || !published.contains(half))
+    const auto of = support::published_value(published, key, source, unit);
+    if (!of)
       return "-";
     char text[32];
-    std::snprintf(text, sizeof text, "%.3f +- %.3f", published.at(name).get<double>(),
-                  published.at(half).get<double>());
+    std::snprintf(text, sizeof text, "%.3f +- %.3f", of->value, of->half_width);
     return text;
   };
   std::printf("%-18s %8.3f %21s %17s\n", what, measured, value("sim").c_str(),

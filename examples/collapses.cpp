@@ -3,10 +3,10 @@
 // The collapses B00 to B20 and G00 to G15 of Rousseau et al. 2023, beside the published values:
 // what differs is told in units of their half widths.
 
+#include "support/published.hpp"
 #include "support/sweep.hpp"
 
-#include <cmath>
-#include <limits>
+#include <utility>
 
 namespace {
 
@@ -14,8 +14,8 @@ using nlohmann::json;
 using support::text;
 using support::Values;
 
-const std::vector<std::string> sources = {"sim", "exp"};
-const std::vector<std::string> source_labels = {"authors' simulation", "experiment"};
+const std::vector<std::pair<std::string, std::string>> sources = {{"sim", "authors' simulation"},
+                                                                  {"exp", "experiment"}};
 
 struct Quantity {
   std::string name, unit, label;
@@ -24,40 +24,26 @@ const std::vector<Quantity> quantities = {{"runout", "_m", "run-out (m)"},
                                           {"height_final", "_m", "H_f (m)"},
                                           {"rest_time", "_s", "rest time (s)"}};
 
-struct Published {
-  double value = std::numeric_limits<double>::quiet_NaN(), half_width = value;
-};
-
-Published published(const json& summary, const Quantity& quantity, const std::string& source) {
-  const json& all = summary.at("published");
-  const std::string of = quantity.name + "_" + source;
-  if (!all.contains(of + quantity.unit))
-    return {};
-  const std::string own = of + "_pm" + quantity.unit; // or one for both sources
-  return {all.at(of + quantity.unit),
-          all.contains(own) ? all.at(own) : all.at(quantity.name + "_pm" + quantity.unit)};
-}
+using Runs = std::vector<std::pair<support::Job, json>>; // with their summaries
 
 /// The runs of one material: their deposits, and each quantity against the slope.
 std::vector<support::Panel> panels(const std::string& material, const support::Sweep& sweep,
-                                   const std::vector<support::Job>& jobs,
-                                   const std::vector<json>& summaries) {
+                                   const Runs& runs) {
   std::vector<support::Panel> result = {support::Panel({.title = material + ", deposits",
                                                         .x = "x, down the slope (m)",
                                                         .y = "height above the floor (m)"})};
-  for (const support::Job& job : jobs)
+  for (const auto& [job, summary] : runs)
     support::add_final_profile(result[0], job.name.substr(0, 3), sweep.folder(job));
   for (const Quantity& quantity : quantities) {
     support::Panel panel({.title = material, .x = "slope (degrees)", .y = quantity.label});
     Values slopes, values;
-    for (const json& summary : summaries) {
+    for (const auto& [job, summary] : runs) {
       slopes.push_back(summary.at("inputs").at("inclination_deg"));
       values.push_back(summary.at("measured").at(quantity.name + quantity.unit));
-      for (std::size_t s = 0; s < sources.size(); ++s) {
-        const Published of = published(summary, quantity, sources[s]);
-        if (std::isfinite(of.value))
-          panel.published(source_labels[s], slopes.back(), 0, of.value, of.half_width);
-      }
+      for (const auto& [source, label] : sources)
+        if (const auto of = support::published_value(summary.at("published"), quantity.name, source,
+                                                     quantity.unit))
+          panel.published(label, slopes.back(), 0, of->value, of->half_width);
     }
     result.push_back(panel.add("points", "talus", slopes, values));
   }
@@ -76,39 +62,35 @@ support::StudyResults study(support::Sweep& sweep, const std::string& preset) {
   results.columns = {"run"};
   for (const Quantity& quantity : quantities) {
     results.columns.push_back(quantity.name + quantity.unit);
-    for (const std::string& source : sources)
+    for (const auto& [source, label] : sources)
       results.columns.push_back(quantity.name + "_off_" + source);
   }
   results.columns.push_back("volume_loss");
+  Runs beads, granules;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const json& measured = summaries[i].at("measured");
-    results.measured[jobs[i].name] = measured;
+    json& result = results.measured[jobs[i].name] = measured;
     std::vector<std::string> row = {jobs[i].name};
     for (const Quantity& quantity : quantities) {
       const double value = measured.at(quantity.name + quantity.unit);
       row.push_back(text(value));
-      for (const std::string& source : sources) {
-        const Published of = published(summaries[i], quantity, source);
-        const double off = (value - of.value) / of.half_width; // in half widths
-        row.push_back(std::isfinite(off) ? text(off) : "");
-        if (std::isfinite(off))
-          results.measured[jobs[i].name]["off_by_half_widths"][quantity.name + "_" + source] = off;
+      for (const auto& [source, label] : sources) {
+        const auto of = support::published_value(summaries[i].at("published"), quantity.name,
+                                                 source, quantity.unit);
+        row.push_back(of ? text((value - of->value) / of->half_width) : "");
+        if (of)
+          result["off_by_half_widths"][quantity.name + "_" + source] =
+              (value - of->value) / of->half_width;
       }
     }
     row.push_back(text(measured.at("volume_loss")));
     results.rows.push_back(row);
+    (jobs[i].name[0] == 'B' ? beads : granules).emplace_back(jobs[i], summaries[i]);
   }
-  const auto part = [&](std::size_t from, std::size_t to) {
-    const auto slice = [&](const auto& all) {
-      return std::vector(all.begin() + static_cast<std::ptrdiff_t>(from),
-                         all.begin() + static_cast<std::ptrdiff_t>(to));
-    };
-    return panels(from == 0 ? "Beads" : "Granules", sweep, slice(jobs), slice(summaries));
-  };
-  const auto beads = part(0, 5), granules = part(5, jobs.size());
-  for (std::size_t row = 0; row < beads.size(); ++row) {
-    results.panels.push_back(beads[row]);
-    results.panels.push_back(granules[row]);
+  const auto left = panels("Beads", sweep, beads), right = panels("Granules", sweep, granules);
+  for (std::size_t row = 0; row < left.size(); ++row) {
+    results.panels.push_back(left[row]);
+    results.panels.push_back(right[row]);
   }
   return results;
 }

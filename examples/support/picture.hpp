@@ -19,9 +19,9 @@ using Values = std::vector<double>;
 class Panel {
  public:
   struct Axes {
-    std::string title, x, y; ///< labels with units
-    bool log = false;        ///< both axes logarithmic
-    bool log_y = false;      ///< the upright one alone
+    std::string title{}, x{}, y{}; ///< labels with units
+    bool log = false;              ///< both axes logarithmic
+    bool log_y = false;            ///< the upright one alone
   };
   explicit Panel(const Axes& axes)
       : json_{{"title", axes.title}, {"x", axes.x},         {"y", axes.y},

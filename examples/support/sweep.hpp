@@ -3,6 +3,7 @@
 
 #include "command_line.hpp"
 #include "picture.hpp"
+#include "published.hpp"
 #include "results.hpp"
 
 #include "talus/io/csv.hpp"
@@ -147,14 +148,31 @@ class Sweep {
     for (const Job& job : jobs) {
       std::ifstream file(folder(job) / "summary.json");
       summaries.push_back(nlohmann::json::parse(file));
-      if (summaries.back().at("status") != "completed")
-        std::fprintf(stderr, "%s: %s\n", folder(job).c_str(),
-                     summaries.back().at("status").get<std::string>().c_str());
+      remark(job, summaries.back());
     }
     return summaries;
   }
 
+  /// What is doubtful about the results, by the name of the run: one that did not end as it should,
+  /// or with steps whose solver stopped above its tolerance.
+  const nlohmann::json& remarks() const { return remarks_; }
+
  private:
+  void remark(const Job& job, const nlohmann::json& summary) {
+    const std::string status = summary.at("status");
+    const auto& solver = summary.at("solver");
+    const std::size_t missed = solver.at("steps_not_converged");
+    if (remarks_.contains(job.name) || (status == "completed" && missed == 0))
+      return;
+    remarks_[job.name] = {{"status", status},
+                          {"steps_not_converged", missed},
+                          {"steps", summary.at("steps")},
+                          {"residual_max", solver.at("residual_max")}};
+    std::fprintf(stderr, "%s: %s; %zu of %zu steps above the solver's tolerance, residual %.1e\n",
+                 job.name.c_str(), status.c_str(), missed, summary.at("steps").get<std::size_t>(),
+                 solver.at("residual_max").get<double>());
+  }
+
   std::vector<std::string> command(const Job& job) const {
     std::vector<std::string> words = {TALUS_PROGRAMS_DIR "/" + job.program};
     if (!options_.resolution.empty())
@@ -223,6 +241,7 @@ class Sweep {
 
   StudyOptions options_;
   fs::path runs_;
+  nlohmann::json remarks_ = nlohmann::json::object();
 };
 
 /// Columns of a table that a run left.
@@ -292,14 +311,12 @@ inline void add_front(Panel& panel, const std::string& label, const fs::path& fo
 
 /// Published run-out and rest time, where there are any.
 inline void add_published(Panel& panel, const nlohmann::json& published) {
-  if (!published.contains("runout_exp_m"))
-    return;
   for (const auto& [source, label] :
        {std::pair("exp", "experiment"), std::pair("sim", "authors' simulation")}) {
-    const std::string of = std::string("_") + source;
-    panel.published(label, published.at("rest_time" + of + "_s"),
-                    published.at("rest_time" + of + "_pm_s"), published.at("runout" + of + "_m"),
-                    published.at("runout" + of + "_pm_m"));
+    const auto time = published_value(published, "rest_time", source, "_s");
+    const auto runout = published_value(published, "runout", source, "_m");
+    if (time && runout)
+      panel.published(label, time->value, time->half_width, runout->value, runout->half_width);
   }
 }
 
@@ -344,6 +361,7 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
                                       {"status", "completed"},
                                       {"inputs", inputs},
                                       {"measured", results.measured},
+                                      {"remarks", sweep.remarks()},
                                       {"wall_seconds", stopwatch.seconds()}});
     if (!options.common.quiet) {
       std::vector<std::vector<std::string>> lines = {results.columns};
