@@ -48,13 +48,17 @@ void against_tolerance() {
 }
 
 void against_packing() {
-  std::printf("jitter,slack,spreading,speed_max_m_s,speed_rms_m_s,sweeps_mean\n");
+  std::printf("jitter,slack,dilatancy,surfaces,speed_max_m_s,speed_rms_m_s,sweeps_mean\n");
   for (const double jitter : {0.0, 0.5, 1.0})
     for (const talus::Packing& packing :
-         {talus::Packing{.slack = 0, .spreading = 0}, {.slack = 0}, {.spreading = 0}, {}}) {
+         {talus::Packing{.slack = 0, .dilatancy = 0, .surfaces = false},
+          {.slack = 0},
+          {.dilatancy = 0},
+          {.surfaces = false},
+          {}}) {
       const Creep creep = measure(scenes::bed(15, 0.44, 5e-5, jitter, packing), 1.5, 2);
-      std::printf("%g,%g,%g,%.4g,%.4g,%.1f\n", jitter, packing.slack, packing.spreading,
-                  creep.largest, creep.rms, creep.sweeps);
+      std::printf("%g,%g,%g,%d,%.4g,%.4g,%.1f\n", jitter, packing.slack, packing.dilatancy,
+                  packing.surfaces, creep.largest, creep.rms, creep.sweeps);
     }
 }
 

@@ -13,7 +13,7 @@
 namespace scenes {
 
 template <int Dim, class ParticleReal = double>
-using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>,
+using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>,
                               ParticleReal>;
 
 /// Run B15 of Rousseau et al. 2023 with cells of 2 cm (across: the same) by 1 cm and a time step of

@@ -46,6 +46,7 @@ struct Cloud {
       for (Eigen::Index i = 0; i < Dim * Dim; ++i)
         particles.affine[p].data()[i] = random.uniform();
     }
+    particles.resize_mixed(particles.size());
     const std::size_t nodes = static_cast<std::size_t>(grid.node_count());
     velocity.assign(nodes, Vec<4>::Constant(0.1));
     before = velocity;
@@ -90,21 +91,18 @@ template <int Dim, class Transfer>
 void to_cells(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
   for (auto _ : state)
-    all_cell_moments(cloud.particles, cloud.order, cloud.grid, Transfer::affine, 1, cloud.moments);
+    all_cell_moments<Transfer::field>(cloud.particles, cloud.order, cloud.grid, 1, cloud.moments);
   cloud.count(state);
 }
 
-/// Spread: all cells are overpacked as well.
-template <int Dim, class Transfer, bool Spread = false>
+template <int Dim, class Transfer>
 void to_particles(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
-  Spreading spreading;
-  if (Spread)
-    spreading = {std::vector<double>(cloud.velocity.size(), 0.01), 5};
+  const std::vector<double> divergence(cloud.velocity.size(), 0.01);
   const Vec<Dim> lower = cloud.grid.origin(), upper = cloud.grid.upper();
   for (auto _ : state) // a time step of 0: every repetition finds the same
     grid_to_particles(cloud.particles, cloud.order, cloud.grid, Transfer(), cloud.velocity,
-                      cloud.before, spreading, 0.0, lower, upper, 1);
+                      cloud.before, divergence, 0.0, lower, upper, 1);
   cloud.count(state);
 }
 
@@ -121,10 +119,11 @@ void add() {
   };
   run("list", list<Dim>);
   run("reorder", reorder<Dim>);
+  run("to_cells/polypic", to_cells<Dim, PolyPic>);
   run("to_cells/apic", to_cells<Dim, Apic>);
   run("to_cells/flip", to_cells<Dim, Flip>);
   run("to_particles/apic", to_particles<Dim, Apic>);
-  run("to_particles/apic_spreading", to_particles<Dim, Apic, true>);
+  run("to_particles/polypic", to_particles<Dim, PolyPic>);
   run("to_particles/pic", to_particles<Dim, Pic>);
   run("to_particles/flip", to_particles<Dim, Flip>);
 }

@@ -73,7 +73,7 @@ double surface_angle(const Sim& sim, double tilt_deg) {
 
 template <int Dim>
 int run(const Options& options) {
-  using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+  using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
   const bool reference = options.resolution == "reference";
   const double friction_angle = degrees(std::atan(options.friction));
   // Whole multiples of the step around the friction angle.
@@ -113,7 +113,8 @@ int run(const Options& options) {
                        {"particles_per_cell_edge", seeding.per_axis},
                        {"jitter", seeding.jitter},
                        {"packing_slack", params.packing.slack},
-                       {"packing_spreading", params.packing.spreading},
+                       {"packing_dilatancy", params.packing.dilatancy},
+                       {"packing_surfaces", params.packing.surfaces},
                        {"time_step_s", params.time_step},
                        {"tolerance", options.tolerance},
                        {"rest_speed_m_s", rest_speed},
@@ -286,7 +287,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
       ->capture_default_str();
-  app.add_option("--packing-spreading", options.packing.spreading, "See talus::Packing")
+  app.add_option("--packing-dilatancy", options.packing.dilatancy, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--packing-surfaces", options.packing.surfaces, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance, "Solver: relative residual")
       ->capture_default_str();

@@ -201,7 +201,8 @@ int run(const Options& options, const Case& collapse) {
                        {"tolerance", options.tolerance},
                        {"max_sweeps", options.max_sweeps},
                        {"packing_slack", options.packing.slack},
-                       {"packing_spreading", options.packing.spreading},
+                       {"packing_dilatancy", options.packing.dilatancy},
+                       {"packing_surfaces", options.packing.surfaces},
                        {"material", collapse.material.name},
                        {"inclination_deg", setup.inclination_deg},
                        {"column_length_m", setup.column_length},
@@ -379,10 +380,12 @@ int main(int argc, char** argv) {
   app.add_option("--packing-slack", options.packing.slack,
                  "Share of its volume by which a node may miss dense and count as dense")
       ->capture_default_str();
-  app.add_option(
-         "--packing-spreading", options.packing.spreading,
-         "How fast denser material spreads, per unit of strain; 0 and slack 0: the paper's, "
-         "which loses volume")
+  app.add_option("--packing-dilatancy", options.packing.dilatancy,
+                 "How fast denser material expands, per unit of strain")
+      ->capture_default_str();
+  app.add_option("--packing-surfaces", options.packing.surfaces,
+                 "Does dense material with a free surface count as dense? false with no slack and "
+                 "no dilatancy: the paper's method, which loses volume")
       ->capture_default_str();
   app.add_flag("--until-rest", options.until_rest,
                "Run until nothing moves faster than 0.01 m/s (default)");

@@ -63,20 +63,33 @@ static_assert(talus::Rheology<AnyRheology>);
 class AnyTransfer {
  public:
   struct Params {
-    std::variant<talus::Apic::Params, talus::Pic::Params, talus::Flip::Params> scheme;
+    std::variant<talus::PolyPic::Params, talus::Apic::Params, talus::Pic::Params,
+                 talus::Flip::Params>
+        scheme;
   };
-  static constexpr bool affine = true; // a scheme without C_p leaves it zero
+  // a scheme that carries less leaves the rest zero
+  static constexpr talus::ParticleField field = talus::ParticleField::multilinear;
 
   explicit AnyTransfer(const Params& params)
       : scheme_(std::visit([](const auto& p) { return make(p); }, params.scheme)) {}
 
+  void prepare(const talus::TransferStep& step) {
+    std::visit(
+        [&](auto& scheme) {
+          if constexpr (requires { scheme.prepare(step); })
+            scheme.prepare(step);
+        },
+        scheme_);
+  }
+
   template <int Dim>
-  void update(const talus::GridSample<Dim>& sample, talus::Vec<Dim>& v, talus::Mat<Dim>& c) const {
-    std::visit([&](const auto& scheme) { scheme.update(sample, v, c); }, scheme_);
+  void update(const talus::GridSample<Dim>& sample, talus::VelocityField<Dim>& field) const {
+    std::visit([&](const auto& scheme) { scheme.update(sample, field); }, scheme_);
   }
 
  private:
-  using Scheme = std::variant<talus::Apic, talus::Pic, talus::Flip>;
+  using Scheme = std::variant<talus::PolyPic, talus::Apic, talus::Pic, talus::Flip>;
+  static Scheme make(const talus::PolyPic::Params& p) { return talus::PolyPic(p); }
   static Scheme make(const talus::Apic::Params& p) { return talus::Apic(p); }
   static Scheme make(const talus::Pic::Params& p) { return talus::Pic(p); }
   static Scheme make(const talus::Flip::Params& p) { return talus::Flip(p); }
@@ -85,7 +98,7 @@ class AnyTransfer {
 static_assert(talus::TransferScheme<AnyTransfer, 2> && talus::TransferScheme<AnyTransfer, 3>);
 
 struct PolicyOptions {
-  std::string rheology = "constant", transfer = "apic";
+  std::string rheology = "constant", transfer = "polypic";
 };
 
 inline void add_policy_options(CLI::App& app, PolicyOptions& options) {
@@ -96,7 +109,7 @@ inline void add_policy_options(CLI::App& app, PolicyOptions& options) {
       ->check(CLI::IsMember({"constant", "stop", "mu-i", "hysteretic", "hysteretic-step"}))
       ->capture_default_str();
   app.add_option("--transfer", options.transfer, "Between particles and grid")
-      ->check(CLI::IsMember({"apic", "pic", "flip"}))
+      ->check(CLI::IsMember({"polypic", "apic", "pic", "flip"}))
       ->capture_default_str();
 }
 
@@ -169,7 +182,9 @@ inline AnyTransfer::Params transfer_params(const PolicyOptions& options) {
     return {talus::Pic::Params{}};
   if (options.transfer == "flip")
     return {talus::Flip::Params{}};
-  return {talus::Apic::Params{}};
+  if (options.transfer == "apic")
+    return {talus::Apic::Params{}};
+  return {talus::PolyPic::Params{}};
 }
 
 } // namespace support

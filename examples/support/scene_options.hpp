@@ -30,7 +30,7 @@ namespace support {
 /// The simulation of these programs: one law, one solver, so that they compile fast.
 template <int Dim>
 using SceneSimulation =
-    talus::Simulation<Dim, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+    talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
 
 /// What it holds when add_scene_options is called is the default.
 struct SceneOptions {
@@ -56,7 +56,9 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
   app.add_option("--wall-friction", options.wall_friction, "Of the walls")->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
       ->capture_default_str();
-  app.add_option("--packing-spreading", options.packing.spreading, "See talus::Packing")
+  app.add_option("--packing-dilatancy", options.packing.dilatancy, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--packing-surfaces", options.packing.surfaces, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--seeding", options.seeding.pattern, "Initial positions")
       ->transform(CLI::CheckedTransformer(patterns))
@@ -115,7 +117,8 @@ nlohmann::json scene_inputs(const SceneOptions& options, const SceneSimulation<D
           {"density", options.density},
           {"time_step_s", sim.params().time_step},
           {"packing_slack", options.packing.slack},
-          {"packing_spreading", options.packing.spreading},
+          {"packing_dilatancy", options.packing.dilatancy},
+          {"packing_surfaces", options.packing.surfaces},
           {"seeding", static_cast<int>(options.seeding.pattern)},
           {"jitter", options.seeding.jitter},
           {"seed", options.seeding.seed}};

@@ -2,32 +2,86 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/core/types.hpp"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
 
 namespace talus {
 
-/// What is done about nodes that are nearly dense or overpacked. The plain method (Rousseau et al.
-/// 2023: slack and spreading 0) lets any node short of dense compact and keeps all overpacking, so
-/// that the noise of the particles' positions becomes settling: it loses 2–8 % of a collapse's
-/// volume on coarse grids, and a bed with jittered positions never rests. Slack makes rest of a
-/// bed, spreading keeps the volume of what flows. It moves particles, not velocities: momentum and
-/// stresses stay, and where nothing is strained nothing moves. See docs/validation.md.
+/// Where the support of a node's shape function lies in the box, by axis.
+enum class NodeSide { inside, on_lower_face, on_upper_face };
+
+/// The volume fraction of a node whose support is filled with dense material up to one free
+/// surface, from where that material lies: 1 without a surface, never below 1/2 on account of one.
+///
+/// A plane at the distance s h above the node (0 ≤ s ≤ 1) leaves
+/// \f[ φ = 1 − q^2/2, \quad |\bar t|\, φ = q^2/2 − q^3/3, \quad q = 1 − s, \f]
+/// which is solved for q. Along an axis on whose face the node lies, a layer of thickness s h on
+/// the face leaves φ = s (2 − s) and t̄ = (s/2 − s²/3)/(1 − s/2). The direction of the plane
+/// matters little: at 45° in 2-D, s = 0 gives |t̄| = 0.33 as well.
+///
+/// mean: t̄ = Σ V_p N_i t / Σ V_p N_i with t = (x_p − x_i)/h by axis.
+template <int Dim>
+double dense_fraction(const Vec<Dim>& mean, const std::array<NodeSide, std::size_t{Dim}>& side) {
+  double off2 = 0, layers = 1;
+  for (int a = 0; a < Dim; ++a) {
+    const double t = std::abs(mean[a]);
+    if (side[static_cast<std::size_t>(a)] == NodeSide::inside) {
+      off2 += t * t;
+    } else if (t < 1.0 / 3) {
+      const double b = (1 + t) / 2; // s²/3 − b s + t = 0
+      const double s = 1.5 * (b - std::sqrt(std::max(0.0, b * b - 4 * t / 3)));
+      layers *= std::max(0.5, s * (2 - s));
+    }
+  }
+  const double off = std::sqrt(off2);
+  double q = 1;
+  if (off < 1.0 / 3) {
+    q = std::sqrt(2 * off / (1 + off)); // without q³: below the root, from where Newton converges
+    for (int k = 0; k < 4 && q > 0; ++k) {
+      const double error = (1 + off) * q * q / 2 - q * q * q / 3 - off;
+      q = std::min(1.0, q - error / (q * (1 + off - q)));
+    }
+  }
+  return layers * (1 - q * q / 2);
+}
+
+/// How much a node may compact, or must expand. The plain method (Rousseau et al. 2023: slack 0,
+/// dilatancy 0, surfaces false) lets any node short of dense compact and never lets one expand:
+///   - half a cell below each free surface then carries no stress until it has collapsed into what
+///     lies below;
+///   - the noise of the particles' positions becomes settling, and beds never rest.
+/// `surfaces` mends the first, `slack` and `dilatancy` the second. See docs/accuracy.md.
 struct Packing {
-  double slack = 0.02;  ///< share of a node's volume by which it may miss dense and count as dense
-  double spreading = 5; ///< how fast denser material spreads to less dense, per unit of strain
+  double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
+  /// β: what is packed denser than 1 + slack expands while it is sheared, as dense granular
+  /// materials do: Tr D = β (φ − 1 − slack) ‖Dev D‖ of the flow before the step.
+  double dilatancy = 2;
+  /// Does dense material with a free surface count as dense? See dense_fraction.
+  bool surfaces = true;
+
+  /// Largest share of what is too dense that one step takes back.
+  static constexpr double largest_share = 0.1;
 
   /// Throws std::invalid_argument if a parameter is out of range.
   void validate() const {
     if (!(slack >= 0 && slack < 1))
       throw_invalid("packing.slack", slack, "a number in [0, 1)");
-    require_non_negative("packing.spreading", spreading);
+    require_non_negative("packing.dilatancy", dilatancy);
   }
-  /// By how much a node may change its volume in this step, m^d, >= 0. room: v_i − Σ V_p N_i, m^d;
-  /// volume: v_i, m^d.
-  double room(double room, double volume) const { return std::max(0.0, room - slack * volume); }
-  /// e_i, by how much a node is denser than what just counts as dense. φ: its volume fraction.
-  double excess(double fraction) const { return std::max(0.0, fraction - (1 - slack)); }
+
+  /// By how much a node may change its volume in this step, over that volume: > 0 to compact, < 0
+  /// to expand. fraction: φ_i; dense: what it is when dense, see dense_fraction; shear: ‖Dev D‖ δt,
+  /// >= 0.
+  double room(double fraction, double dense, double shear) const {
+    const double excess = fraction - 1 - slack;
+    if (excess > 0)
+      return -std::min(dilatancy * shear, largest_share) * excess;
+    return std::max(0.0, dense - fraction - slack);
+  }
 };
 
 } // namespace talus

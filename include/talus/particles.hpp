@@ -8,6 +8,11 @@
 
 namespace talus {
 
+/// The derivatives of a multilinear velocity by several axes, d × (2^d − 1 − d): in 2-D the column
+/// ∂²u/∂x∂y (1/(m s)); in 3-D ∂²u/∂y∂z, ∂²u/∂x∂z, ∂²u/∂x∂y and ∂³u/∂x∂y∂z (1/(m² s)).
+template <int Dim, class Real = double>
+using MixedDerivatives = Eigen::Matrix<Real, Dim, ipow(2, Dim) - 1 - Dim>;
+
 /// Material points, as a structure of arrays: entry p of each array belongs to particle p. The
 /// order changes from step to step (particles are kept in cell order); `id` stays with its
 /// particle. Real: what velocity, C and volume are kept in. float takes 84 bytes a particle in 3-D
@@ -19,7 +24,9 @@ struct Particles {
   std::vector<Vec<Dim>> position;       ///< x_p, #p × d, m
   std::vector<Vec<Dim, Real>> velocity; ///< v_p, #p × d, m/s
   std::vector<Mat<Dim, Real>>
-      affine;                  ///< C_p, #p × d × d, 1/s: the velocity gradient that APIC carries
+      affine; ///< C_p, #p × d × d, 1/s: the velocity gradient at the particle
+  /// #p; empty: all zero. Only a transfer that carries them (PolyPic) fills it.
+  std::vector<MixedDerivatives<Dim, Real>> mixed;
   std::vector<Real> volume;    ///< V_p, #p, m^d: material volume at the dense packing
   std::vector<std::size_t> id; ///< #p
 
@@ -30,15 +37,22 @@ struct Particles {
     position.resize(count, Vec<Dim>::Zero());
     velocity.resize(count, Vec<Dim, Real>::Zero());
     affine.resize(count, Mat<Dim, Real>::Zero());
+    if (!mixed.empty())
+      resize_mixed(count);
     volume.resize(count, Real(0));
     id.resize(count, 0);
   }
+
+  /// Gives each of `count` particles mixed derivatives; zero if it has none yet.
+  void resize_mixed(std::size_t count) { mixed.resize(count, MixedDerivatives<Dim, Real>::Zero()); }
 
   /// Adds one particle: x (m), v (m/s), volume (m^d).
   void add(const Vec<Dim>& x, const Vec<Dim>& v, double material_volume) {
     position.push_back(x);
     velocity.push_back(v.template cast<Real>());
     affine.push_back(Mat<Dim, Real>::Zero());
+    if (!mixed.empty())
+      resize_mixed(position.size());
     volume.push_back(static_cast<Real>(material_volume));
     id.push_back(id.size());
   }
@@ -48,6 +62,10 @@ struct Particles {
     position[to] = other.position[from];
     velocity[to] = other.velocity[from];
     affine[to] = other.affine[from];
+    if (!mixed.empty())
+      mixed[to] = other.mixed.empty()
+                      ? MixedDerivatives<Dim, Real>(MixedDerivatives<Dim, Real>::Zero())
+                      : other.mixed[from];
     volume[to] = other.volume[from];
     id[to] = other.id[from];
   }

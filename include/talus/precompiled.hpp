@@ -14,9 +14,9 @@
 
 namespace talus {
 
-extern template class Simulation<2, ConstantFriction, Apic, GaussSeidel<>>;
-extern template class Simulation<3, ConstantFriction, Apic, GaussSeidel<>>;
-extern template class Simulation<2, MuOfI, Apic, GaussSeidel<>>;
-extern template class Simulation<3, MuOfI, Apic, GaussSeidel<>>;
+extern template class Simulation<2, ConstantFriction, PolyPic, GaussSeidel<>>;
+extern template class Simulation<3, ConstantFriction, PolyPic, GaussSeidel<>>;
+extern template class Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
+extern template class Simulation<3, MuOfI, PolyPic, GaussSeidel<>>;
 
 } // namespace talus

@@ -8,9 +8,9 @@
 
 namespace talus {
 
-template class Simulation<2, ConstantFriction, Apic, GaussSeidel<>>;
-template class Simulation<3, ConstantFriction, Apic, GaussSeidel<>>;
-template class Simulation<2, MuOfI, Apic, GaussSeidel<>>;
-template class Simulation<3, MuOfI, Apic, GaussSeidel<>>;
+template class Simulation<2, ConstantFriction, PolyPic, GaussSeidel<>>;
+template class Simulation<3, ConstantFriction, PolyPic, GaussSeidel<>>;
+template class Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
+template class Simulation<3, MuOfI, PolyPic, GaussSeidel<>>;
 
 } // namespace talus

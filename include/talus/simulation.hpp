@@ -8,6 +8,7 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/parallel.hpp"
 #include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/coloring.hpp"
@@ -35,6 +36,7 @@
 #include "talus/transfer/transfer_scheme.hpp"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -120,7 +122,7 @@ class Simulation {
     node_stress_.assign(nodes, Vec<cone_size>::Zero());
     inertial_number_.assign(nodes, 0);
     open_share_.assign(nodes, 1);
-    spreading_ = {std::vector<double>(nodes, 0), params_.packing.spreading};
+    divergence_.assign(nodes, 0);
     node_cone_.assign(nodes, -1);
     wrenches_.resize(boundaries().sources());
     node_rank_.assign(nodes, 0);
@@ -147,7 +149,6 @@ class Simulation {
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), problem_);
     collect_contacts(boundaries(), node_rank_, problem_, last_contacts_);
-    keep_from_obstacles();
     collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_, problem_,
                           last_body_contacts_);
     apply_impulses(problem_, stencil_);
@@ -300,8 +301,10 @@ class Simulation {
 
   /// m_i, u*_i and φ_i from the particles.
   void particles_to_grid() {
+    if constexpr (TransferT::field == ParticleField::multilinear)
+      particles_.resize_mixed(particles_.size());
     order_.update(particles_, grid_, params_.threads);
-    all_cell_moments(particles_, order_, grid_, TransferT::affine, params_.threads, moments_);
+    all_cell_moments<TransferT::field>(particles_, order_, grid_, params_.threads, moments_);
     cells_to_nodes(moments_, order_, grid_, node_order_.nodes(), params_.threads, material_volume_,
                    velocity_before_);
     problem_.velocity = velocity_before_;
@@ -326,7 +329,7 @@ class Simulation {
       problem_.inverse_mass[j] = Wide::Zero();
       open_share_[j] = 1;
       node_cone_[j] = -1;
-      spreading_.excess[j] = 0;
+      divergence_[j] = 0;
       if (material_volume_[j] >= least_volume) {
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
         node_cone_[j] = static_cast<int>(problem_.node.size());
@@ -356,28 +359,45 @@ class Simulation {
     const Index<Dim> index = grid_.node_index(problem_.node[i]);
     Coupling<Dim>& g = problem_.coupling[i];
     g.setZero();
+    Vec<Dim> first_moment = Vec<Dim>::Zero();
     for_each_cell_of_node(grid_, index, [&](int cell, int corner) {
-      if (!order_.empty(cell))
-        add_coupling(moments_[static_cast<std::size_t>(cell)], corner, grid_.inverse_spacing(), g);
+      if (order_.empty(cell))
+        return;
+      const CellMoments<Dim>& m = moments_[static_cast<std::size_t>(cell)];
+      add_coupling(m, corner, grid_.inverse_spacing(), g);
+      first_moment += corner_first_moment(m, corner);
     });
     open_share_[j] = open_share(boundaries(), grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = node_stress_[j];
-    // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
-    const double volume = problem_.volume[i];
-    const double room = params_.packing.room(volume - material_volume_[j], volume);
-    problem_.void_rate[i] = normal_from_mean<Dim>(room / (Dim * time_step_));
-    // Next to solids overpacking mostly is what the grid does not resolve: nothing is moved there.
-    spreading_.excess[j] =
-        open_share_[j] < 1 ? -1 : params_.packing.excess(material_volume_[j] / volume);
+    problem_.void_rate[i] =
+        normal_from_mean<Dim>(room(i, index, first_moment) / (Dim * time_step_));
     problem_.friction[i] = friction(i);
   }
 
-  /// Nothing spreads through an obstacle, however thin.
-  void keep_from_obstacles() {
-    for (const Contact<Dim>& contact : problem_.contacts)
-      if (contact.source >= boundaries().obstacle_source(0))
-        spreading_.excess[static_cast<std::size_t>(contact.node)] = -1;
+  /// By how much cone i may compact (> 0) or must expand in this step, m^d. first_moment:
+  /// Σ V_p N_i (x_p − x_i)/h by axis, m^d.
+  double room(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
+    const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+    const double material = material_volume_[j], volume = problem_.volume[i];
+    const bool in_the_open = open_share_[j] == 1; // beside solids the plain rule holds
+    double dense = 1, shear = 0;
+    if (in_the_open && params_.packing.surfaces) {
+      std::array<NodeSide, std::size_t{Dim}> side;
+      for (int a = 0; a < Dim; ++a)
+        side[static_cast<std::size_t>(a)] = index[a] == 0                ? NodeSide::on_lower_face
+                                            : index[a] == grid_.cells(a) ? NodeSide::on_upper_face
+                                                                         : NodeSide::inside;
+      dense = dense_fraction<Dim>(scaled<Dim>(1 / material, first_moment), side);
+    }
+    if (in_the_open && material > volume) {
+      const Vec<cone_size> rate = strain_rate(problem_, stencil_, i);
+      double shear2 = 0;
+      for (int k = 1; k < cone_size; ++k)
+        shear2 += rate[k] * rate[k];
+      shear = std::sqrt(shear2) / material * time_step_;
+    }
+    return params_.packing.room(material / volume, dense, shear) * volume;
   }
 
   /// μ̃_i from the velocities and the stress that the problem has.
@@ -451,11 +471,26 @@ class Simulation {
     }
   }
 
-  /// v_p, C_p and x_p from the grid's new velocities.
+  /// The particles' velocity fields and places from the grid's new velocities.
   void grid_to_particles() {
     const auto [lower, upper] = particle_bounds(params_.faces, grid_);
+    if constexpr (requires { transfer_.prepare(TransferStep{}); })
+      transfer_.prepare(
+          {time_step_, std::sqrt(norm<Dim>(params_.gravity) / grid_.spacing().minCoeff())});
+    if constexpr (TransferT::field == ParticleField::multilinear)
+      parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(problem_.cones()), 32,
+                      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                        for (std::size_t i = static_cast<std::size_t>(begin);
+                             i < static_cast<std::size_t>(end); ++i) {
+                          const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+                          // Tr D = d · mean of what normal_from_mean made the normal component
+                          divergence_[j] =
+                              Dim * mean_from_normal<Dim>(strain_rate(problem_, stencil_, i)[0]) /
+                              material_volume_[j];
+                        }
+                      });
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
-                             velocity_before_, spreading_, time_step_, lower, upper,
+                             velocity_before_, divergence_, time_step_, lower, upper,
                              params_.threads);
   }
 
@@ -481,7 +516,7 @@ class Simulation {
   std::vector<Vec<cone_size>> node_stress_;   ///< λ, #nodes, Pa s
   std::vector<double> inertial_number_;       ///< #nodes
   std::vector<double> open_share_;            ///< of a node's volume, #nodes
-  Spreading spreading_;                       ///< of what is overpacked
+  std::vector<double> divergence_;            ///< mean tr ∇u around a node, #nodes, 1/s
   std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
   std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
   std::vector<Contact<Dim>> last_contacts_;

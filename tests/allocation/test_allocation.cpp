@@ -24,7 +24,7 @@ namespace {
 
 template <int Dim>
 std::size_t allocations_of_a_warm_step(int threads) {
-  using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, Apic, GaussSeidel<>>;
+  using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, PolyPic, GaussSeidel<>>;
   CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim>(setup, Vec<3>(0.04, 0.02, 0.02), 1.66e-3);
   params.rheology = {

@@ -12,7 +12,7 @@
 double slump_in_3d(); // other.cpp
 
 int main() {
-  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
   Sim::Params params;
   params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {20, 10}};
   params.material.density = 1500;

@@ -56,7 +56,7 @@ class Belt final : public talus::Obstacle<2> {
 
 int main() {
   // [use]
-  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
   Sim::Params params;
   params.grid = {.origin = {0, 0}, .size = {0.6, 0.3}, .cells = {60, 30}};
   params.material.density = 1500;

@@ -5,7 +5,7 @@
 #include <cstdio>
 
 int main() {
-  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+  using Sim = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
   Sim::Params params;
   params.grid = {.origin = {0, 0}, .size = {0.6, 0.2}, .cells = {60, 20}}; // m
   params.material.density = 1500;                                          // kg/m³

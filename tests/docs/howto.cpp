@@ -35,7 +35,7 @@ class Ramp : public talus::Obstacle<2> {
 };
 // [ramp]
 
-using Sim = talus::Simulation<2, talus::MuOfI, talus::Apic, talus::GaussSeidel<>>;
+using Sim = talus::Simulation<2, talus::MuOfI, talus::PolyPic, talus::GaussSeidel<>>;
 
 Sim make_scene() {
   // [scene]

@@ -44,7 +44,7 @@ static_assert(talus::Rheology<RestAngle>);
 // [rheology]
 
 template <class Rheology>
-using Sim = talus::Simulation<2, Rheology, talus::Apic, talus::GaussSeidel<>>;
+using Sim = talus::Simulation<2, Rheology, talus::PolyPic, talus::GaussSeidel<>>;
 
 /// Where the front of a column is after 0.2 s.
 template <class Rheology>

@@ -14,7 +14,7 @@ class CalmApic {
   struct Params {
     double share = 0.1; ///< in [0, 1]
   };
-  static constexpr bool affine = true; // particles carry C_p
+  static constexpr talus::ParticleField field = talus::ParticleField::affine; // v_p and C_p
 
   explicit CalmApic(const Params& params) : share_(params.share) {
     if (!(share_ >= 0 && share_ <= 1))
@@ -22,9 +22,9 @@ class CalmApic {
   }
 
   template <int Dim>
-  void update(const talus::GridSample<Dim>& sample, talus::Vec<Dim>& v, talus::Mat<Dim>& c) const {
-    v = sample.velocity;
-    c = sample.gradient - share_ / 2 * (sample.gradient + sample.gradient.transpose());
+  void update(const talus::GridSample<Dim>& sample, talus::VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity;
+    p.gradient = sample.gradient - share_ / 2 * (sample.gradient + sample.gradient.transpose());
   }
 
  private:

@@ -17,7 +17,7 @@
 #include <vector>
 
 // [params]
-using Heap = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+using Heap = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
 
 template <class Sim>
 typename Sim::Params heap_params() {
@@ -163,7 +163,7 @@ int main() {
   // [mistake]
 
   // [use-law]
-  using Weak = talus::Simulation<2, WeakeningFriction, talus::Apic, talus::GaussSeidel<>>;
+  using Weak = talus::Simulation<2, WeakeningFriction, talus::PolyPic, talus::GaussSeidel<>>;
   Weak::Params weak_params = heap_params<Weak>();
   weak_params.rheology.law = {.mu_0 = 0.5, .drop = 0.2, .I_w = 0.05};
   weak_params.rheology.inertial = {.grain_diameter = 5e-4, .density = 2500};
@@ -172,7 +172,7 @@ int main() {
   // [use-law]
 
   // [use-solver]
-  using Plain = talus::Simulation<2, talus::ConstantFriction, talus::Apic, PlainSweeps>;
+  using Plain = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, PlainSweeps>;
   Plain::Params plain_params = heap_params<Plain>();
   plain_params.rheology.mu = 0.44;
   Plain plain(plain_params, heap_particles(talus::Grid<2>(plain_params.grid)));

@@ -26,7 +26,7 @@
 
 namespace {
 
-using Sim = talus::Simulation<2, talus::ConstantFriction, talus::Apic, talus::GaussSeidel<>>;
+using Sim = talus::Simulation<2, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
 
 Sim make_simulation() {
   Sim::Params params;

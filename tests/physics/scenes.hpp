@@ -17,7 +17,7 @@ namespace scenes {
 
 using namespace talus;
 
-template <int Dim, class Transfer = Apic>
+template <int Dim, class Transfer = PolyPic>
 using Sim = Simulation<Dim, ConstantFriction, Transfer, GaussSeidel<>>;
 
 /// A box with slip walls, a sticking floor and an open top, gravity turned by `angle_deg`.

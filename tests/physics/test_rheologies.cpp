@@ -21,7 +21,7 @@ using namespace talus;
 namespace {
 
 template <int Dim>
-using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, Apic, GaussSeidel<>>;
+using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, PolyPic, GaussSeidel<>>;
 
 constexpr double density = 1500, g = 9.81; // kg/m³, m/s²
 

@@ -109,5 +109,5 @@ TEST_CASE("a bed of jittered particles comes to rest, which it does not without 
     return fastest;
   };
   CHECK(speed({}) < 2e-4);
-  CHECK(speed({.slack = 0, .spreading = 0}) > 4e-4);
+  CHECK(speed({.slack = 0, .dilatancy = 0, .surfaces = false}) > 4e-4);
 }

@@ -36,7 +36,7 @@ Deposit deposit(const Sim& sim, const CollapseSetup& setup) {
 template <int Dim, class Rheology = ConstantFriction>
 auto collapsed(const CollapseSetup& setup, const Vec<3>& cell, double time_step, double seconds,
                const typename Rheology::Params& rheology = {.mu = 0.44}) {
-  using Sim = Simulation<Dim, Rheology, Apic, GaussSeidel<>>;
+  using Sim = Simulation<Dim, Rheology, PolyPic, GaussSeidel<>>;
   auto params = support::collapse_params<Sim>(setup, cell, time_step);
   params.rheology = rheology;
   Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 5 - Dim}));
@@ -151,7 +151,7 @@ TEST_CASE("the gate's friction shows early, near the gate, and not in the deposi
 }
 
 TEST_CASE("the inertial number of B15 is of the order of a hundredth") {
-  using Sim = Simulation<2, MuOfI, Apic, GaussSeidel<>>;
+  using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
   const CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim>(setup, {0.02, 0.02, 0.01}, 1.66e-3);
   params.rheology.inertial.grain_diameter = 0.5e-3;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 // A transfer scheme without update().
-// says: t.update.sample, v, c
+// says: t.update.sample, field
 
 #include <talus/talus.hpp>
 
 struct Scheme {
   struct Params {};
-  static constexpr bool affine = false;
+  static constexpr talus::ParticleField field = talus::ParticleField::constant;
   explicit Scheme(const Params&) {}
 };
 

@@ -84,7 +84,7 @@ static_assert(MakesASimulation<FrictionLaw<Line>> && !MakesASimulation<Line> &&
 
 struct NotAScheme {
   struct Params {};
-  static constexpr bool affine = false;
+  static constexpr ParticleField field = ParticleField::constant;
   explicit NotAScheme(const Params&) {}
 };
 static_assert(!TransferScheme<NotAScheme, 2>);

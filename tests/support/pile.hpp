@@ -12,8 +12,8 @@ using namespace talus;
 
 /// The problem of the first step of a small pile of moving material against a wall.
 template <int Dim, class SolverT>
-Simulation<Dim, ConstantFriction, Apic, SolverT> small_pile(double tolerance, double mu) {
-  typename Simulation<Dim, ConstantFriction, Apic, SolverT>::Params params;
+Simulation<Dim, ConstantFriction, PolyPic, SolverT> small_pile(double tolerance, double mu) {
+  typename Simulation<Dim, ConstantFriction, PolyPic, SolverT>::Params params;
   for (int a = 0; a < Dim; ++a) {
     params.grid.size[a] = 0.3;
     params.grid.cells[a] = 3;
@@ -35,7 +35,7 @@ Simulation<Dim, ConstantFriction, Apic, SolverT> small_pile(double tolerance, do
   for (auto& v : particles.velocity)
     for (int a = 0; a < Dim; ++a)
       v[a] = 0.05 * (random.uniform() - 0.7);
-  return Simulation<Dim, ConstantFriction, Apic, SolverT>(params, particles);
+  return Simulation<Dim, ConstantFriction, PolyPic, SolverT>(params, particles);
 }
 
 } // namespace support

@@ -23,7 +23,7 @@ namespace {
 /// of the box behind an opening gate.
 template <int Dim>
 std::string slump(int threads) {
-  using Sim = Simulation<Dim, MuOfI, Apic, GaussSeidel<>>;
+  using Sim = Simulation<Dim, MuOfI, PolyPic, GaussSeidel<>>;
   constexpr int up = Dim - 1;
   typename Sim::Params params;
   params.grid.size = 0.08 * Vec<Dim>::Ones();

@@ -23,7 +23,7 @@ using support::contains, support::content, support::Folder, support::message_of;
 namespace {
 
 template <int Dim, class Law = ConstantFriction>
-using Sim = Simulation<Dim, Law, Apic, GaussSeidel<>>;
+using Sim = Simulation<Dim, Law, PolyPic, GaussSeidel<>>;
 
 template <int Dim>
 Sim<Dim> collapse(int threads = 1, double time_step = 2e-3) {

@@ -23,7 +23,7 @@ using namespace talus;
 namespace {
 
 template <class Real>
-using Sim = Simulation<2, ConstantFriction, Apic, GaussSeidel<>, Real>;
+using Sim = Simulation<2, ConstantFriction, PolyPic, GaussSeidel<>, Real>;
 
 template <class Real>
 Sim<Real> column() {

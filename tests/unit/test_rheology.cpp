@@ -115,7 +115,7 @@ TEST_CASE("a law that gives no friction during a run stops the step, and the rep
     double bad = -0.1;
     double operator()(double I) const { return I > 0.011 && I < 0.099 ? bad : 0.4; }
   };
-  using Sim = Simulation<2, FrictionLaw<Gap>, Apic, GaussSeidel<>>;
+  using Sim = Simulation<2, FrictionLaw<Gap>, PolyPic, GaussSeidel<>>;
   for (const double bad : {-0.1, std::nan(""), infinity}) {
     Sim::Params params;
     params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {16, 8}};

@@ -17,7 +17,7 @@ using namespace talus;
 namespace {
 
 template <int Dim>
-using Sim = Simulation<Dim, ConstantFriction, Apic, GaussSeidel<>>;
+using Sim = Simulation<Dim, ConstantFriction, PolyPic, GaussSeidel<>>;
 
 template <int Dim>
 struct Scene {
@@ -157,7 +157,7 @@ TEST_CASE("odd scenes converge or say so, and stay finite, 3-D") {
 
 TEST_CASE("light nodes count in the residual: one grain on a node falls without a whirl") {
   Scene<3> scene;
-  scene.params.packing = {.slack = 0, .spreading = 0};
+  scene.params.packing = {.slack = 0, .dilatancy = 0, .surfaces = false};
   scene.add(0.1, 1e-3); // its other nodes get a 1e-5th of its mass, then 1e-10th, ...
   Sim<3> sim(scene.params, scene.particles);
   for (int n = 0; n < 20; ++n) {

@@ -25,6 +25,8 @@ std::string state_checksum(const Particles<Dim, Real>& particles) {
     add_all(particles.position[p]);
     add_all(particles.velocity[p]);
     add_all(particles.affine[p]);
+    if (!particles.mixed.empty())
+      add_all(particles.mixed[p]);
     fingerprint.add(std::bit_cast<std::uint64_t>(static_cast<double>(particles.volume[p])));
   }
   std::uint64_t hash = fingerprint.value();

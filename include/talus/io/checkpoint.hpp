@@ -24,7 +24,7 @@ namespace talus {
 
 namespace detail {
 
-inline constexpr std::string_view checkpoint_format = "talus-checkpoint 2";
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 3";
 
 /// What must be the same for a state to be meaningful: name and value of each. Friction law,
 /// transfer and solver are left out: a run may go on with others.
@@ -56,7 +56,8 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   add("cfl", params.cfl);
   add("min_relative_mass", params.min_relative_mass);
   add("packing.slack", params.packing.slack);
-  add("packing.spreading", params.packing.spreading);
+  add("packing.dilatancy", params.packing.dilatancy);
+  add("packing.surfaces", params.packing.surfaces ? 1 : 0);
   add("obstacles", params.obstacles.size());
   add("bodies", params.bodies.size());
   for (std::size_t b = 0; b < params.bodies.size(); ++b) {
@@ -92,6 +93,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
   for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
     out.text(name + " " + value + "\n");
   out.line("state", state.time, state.steps, state.time_step);
+  out.line("mixed derivatives", state.particles.mixed.empty() ? 0 : 1);
   out.line("counts", state.particles.size(), state.node_stress.size(), state.contacts.size(),
            state.body_contacts.size(), notes.size());
   out.text(notes);
@@ -103,6 +105,8 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     out.raw(state.particles.position[p]);
     out.raw(state.particles.velocity[p]);
     out.raw(state.particles.affine[p]);
+    if (!state.particles.mixed.empty())
+      out.raw(state.particles.mixed[p]);
     if (out.bytes().size() > (std::size_t{1} << 20U))
       flush();
   }
@@ -157,14 +161,18 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
 
   using Real = typename Sim::ParticleData::Scalar;
   SimulationState<dim, Real> state;
+  int mixed = 0;
   std::size_t particles = 0, nodes = 0, contacts = 0, body_contacts = 0, length = 0;
   in.line("state", state.time, state.steps, state.time_step);
+  in.line("mixed derivatives", mixed);
   in.line("counts", particles, nodes, contacts, body_contacts, length);
   std::string notes(in.take(length));
   in.raw(state.gravity);
   in.need(particles,
           sizeof(std::uint64_t) + sizeof(double) * dim + sizeof(Real) * (1 + dim + dim * dim));
   state.particles.resize(particles);
+  if (mixed == 1)
+    state.particles.resize_mixed(particles);
   for (std::size_t p = 0; p < particles; ++p) {
     std::uint64_t id = 0;
     in.raw(id);
@@ -173,6 +181,8 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     in.raw(state.particles.position[p]);
     in.raw(state.particles.velocity[p]);
     in.raw(state.particles.affine[p]);
+    if (mixed == 1)
+      in.raw(state.particles.mixed[p]);
   }
   in.need(nodes, sizeof(double) * symmetric_size<dim>);
   state.node_stress.resize(nodes);

@@ -58,6 +58,8 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
   };
   check_size("velocities", particles.velocity.size());
   check_size("affine matrices", particles.affine.size());
+  if (!particles.mixed.empty())
+    check_size("mixed derivatives", particles.mixed.size());
   check_size("volumes", particles.volume.size());
   check_size("ids", particles.id.size());
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();
@@ -70,6 +72,8 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
         throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
       for (int b = 0; b < Dim; ++b)
         require_finite("a particle's affine matrix", particles.affine[p](a, b));
+      for (int b = 0; !particles.mixed.empty() && b < particles.mixed[p].cols(); ++b)
+        require_finite("a particle's mixed derivative", particles.mixed[p](a, b));
     }
   }
 }

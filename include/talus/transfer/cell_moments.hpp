@@ -7,6 +7,7 @@
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/particle_lanes.hpp"
+#include "talus/transfer/transfer_scheme.hpp"
 
 #include <algorithm>
 #include <array>
@@ -30,33 +31,57 @@ using Coupling = Eigen::Matrix<double, Dim, ipow(3, Dim)>;
 template <int Dim>
 struct CellMoments {
   std::array<double, static_cast<std::size_t>(ipow(3, Dim))> volume{}; ///< T, m^d
-  /// Σ_p V_p N_c(x_p) (v_p + C_p (x_c − x_p)) for each corner c, m^d · m/s.
+  /// Σ_p V_p N_c(x_p) u_p(x_c) for each corner c, u_p the velocity field of the particle,
+  /// m^d · m/s.
   std::array<Vec<Dim>, static_cast<std::size_t>(ipow(2, Dim))> momentum{};
 };
 
 /// Sums the moments of the particles of one cell, several side by side.
-template <int Dim>
+template <int Dim, ParticleField Field>
 class CellMomentSum {
+ private:
+  static constexpr std::size_t dim = static_cast<std::size_t>(Dim);
+  static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
+  static constexpr std::size_t terms = Field == ParticleField::constant ? 1
+                                       : Field == ParticleField::affine ? corners / 2 + 1
+                                                                        : corners;
+
  public:
   /// Particles side by side. A lane without a particle has no volume, so weighs nothing.
   struct Pack {
     ParticleLanes volume;
-    VecLanes<Dim> position, velocity;
-    std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)> affine; ///< columns
+    VecLanes<Dim> position;
+    std::array<VecLanes<Dim>, terms> field; ///< derivatives by the set of axes; 0: the velocity
 
     template <class Real>
-    void set(std::size_t lane, Real v_p, const Vec<Dim>& x, const Vec<Dim, Real>& v,
-             const Mat<Dim, Real>& c) {
-      volume[static_cast<Eigen::Index>(lane)] = static_cast<double>(v_p);
-      set_lane<Dim>(position, lane, x.data());
-      set_lane<Dim>(velocity, lane, v.data());
-      for (std::size_t b = 0; b < dim; ++b)
-        set_lane<Dim>(affine[b], lane, c.data() + b * dim);
+    void set(std::size_t lane, const Particles<Dim, Real>& particles, std::size_t p) {
+      volume[static_cast<Eigen::Index>(lane)] = static_cast<double>(particles.volume[p]);
+      set_lane<Dim>(position, lane, particles.position[p].data());
+      set_lane<Dim>(field[0], lane, particles.velocity[p].data());
+      if constexpr (Field != ParticleField::constant)
+        for (std::size_t b = 0; b < dim; ++b)
+          set_lane<Dim>(field[axis_term<Dim>(b)], lane, particles.affine[p].data() + b * dim);
+      if constexpr (Field == ParticleField::multilinear)
+        for (std::size_t m = 0; m < mixed_terms<Dim>.size(); ++m)
+          set_lane<Dim>(field[mixed_terms<Dim>[m]], lane, particles.mixed[p].data() + m * dim);
+    }
+    void clear(std::size_t lane, const Grid<Dim>& grid) {
+      volume[static_cast<Eigen::Index>(lane)] = 0;
+      set_lane<Dim>(position, lane, grid.origin().data());
+      for (VecLanes<Dim>& term : field)
+        for (ParticleLanes& component : term)
+          component[static_cast<Eigen::Index>(lane)] = 0;
     }
   };
 
   CellMomentSum(const Grid<Dim>& grid, int cell_number)
       : grid_(grid), cell_(grid.cell_index(cell_number)) {
+    for (std::size_t c = 0; c < corners; ++c) {
+      edges_[c] = 1;
+      for (std::size_t a = 0; a < dim; ++a)
+        if (c & axis_term<Dim>(a))
+          edges_[c] *= grid.spacing()[static_cast<Eigen::Index>(a)];
+    }
     volume_.fill(ParticleLanes::Zero());
     for (VecLanes<Dim>& sum : momentum_)
       sum.fill(ParticleLanes::Zero());
@@ -82,9 +107,6 @@ class CellMomentSum {
   }
 
  private:
-  static constexpr std::size_t dim = static_cast<std::size_t>(Dim);
-  static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
-
   void add_volume(const ParticleLanes& volume,
                   const std::array<std::array<ParticleLanes, 2>, dim>& shape) {
     std::array<std::array<ParticleLanes, 3>, dim> bernstein;
@@ -108,58 +130,76 @@ class CellMomentSum {
 
   void add_momentum(const Pack& pack, const VecLanes<Dim>& xi,
                     const std::array<std::array<ParticleLanes, 2>, dim>& shape) {
-    // v_p + C_p (x_c − x_p) is linear in the corner's bits: from corner 0, one column per axis.
-    VecLanes<Dim> at_first = pack.velocity;
-    std::array<VecLanes<Dim>, dim> step;
-    for (std::size_t b = 0; b < dim; ++b)
-      for (std::size_t a = 0; a < dim; ++a) {
-        step[b][a] = pack.affine[b][a] * grid_.spacing()[static_cast<Eigen::Index>(b)];
-        at_first[a] -= step[b][a] * xi[b];
-      }
+    std::array<ParticleLanes, corners> weight;
     for (std::size_t c = 0; c < corners; ++c) {
-      const auto bit = [&](std::size_t axis) {
-        return static_cast<std::size_t>(
-            Grid<Dim>::corner_bit(static_cast<int>(c), static_cast<int>(axis)));
-      };
-      ParticleLanes weight = pack.volume;
+      weight[c] = pack.volume;
       for (std::size_t a = 0; a < dim; ++a)
-        weight *= shape[a][bit(a)];
-      for (std::size_t a = 0; a < dim; ++a) {
-        ParticleLanes at_corner = at_first[a];
-        for (std::size_t b = 0; b < dim; ++b)
-          if (bit(b) == 1)
-            at_corner += step[b][a];
-        momentum_[c][a] += weight * at_corner;
+        weight[c] *= shape[a][(c & axis_term<Dim>(a)) != 0 ? 1 : 0];
+    }
+    for (std::size_t a = 0; a < dim; ++a) {
+      std::array<ParticleLanes, corners> at_corner;
+      values_at_corners(pack, xi, a, at_corner);
+      for (std::size_t c = 0; c < corners; ++c)
+        momentum_[c][a] += weight[c] * at_corner[c];
+    }
+  }
+
+  /// Component a of the particles' fields at the corners of the cell: from coefficients about the
+  /// particles to values, along one axis after the other.
+  void values_at_corners(const Pack& pack, const VecLanes<Dim>& xi, std::size_t a,
+                         std::array<ParticleLanes, corners>& value) const {
+    value[0] = pack.field[0][a];
+    for (std::size_t b = dim; b-- > 0;) { // corners below `bit` are done
+      const std::size_t bit = axis_term<Dim>(b);
+      const double h = grid_.spacing()[static_cast<Eigen::Index>(b)];
+      if constexpr (Field == ParticleField::constant) {
+        for (std::size_t c = 0; c < bit; ++c)
+          value[c + bit] = value[c];
+      } else if constexpr (Field == ParticleField::affine) {
+        const ParticleLanes step = pack.field[bit][a] * h;
+        const ParticleLanes first = step * xi[b];
+        for (std::size_t c = 0; c < bit; ++c) {
+          value[c] -= first;
+          value[c + bit] = value[c] + step;
+        }
+      }
+    }
+    if constexpr (Field == ParticleField::multilinear) {
+      for (std::size_t c = 1; c < corners; ++c)
+        value[c] = pack.field[c][a] * edges_[c];
+      for (std::size_t b = 0; b < dim; ++b) {
+        const std::size_t bit = axis_term<Dim>(b);
+        for (std::size_t c = 0; c < corners; ++c)
+          if ((c & bit) == 0) {
+            value[c] -= xi[b] * value[c + bit];
+            value[c + bit] += value[c];
+          }
       }
     }
   }
 
   const Grid<Dim>& grid_;
   Index<Dim> cell_;
+  std::array<double, corners> edges_; ///< product of the cell's edges along each set of axes
   std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> volume_;
   std::array<VecLanes<Dim>, corners> momentum_;
 };
 
-/// The moments of the particles of one cell. `affine`: do they carry C_p?
-template <int Dim, class Real>
+/// The moments of the particles of one cell. Field: what they carry.
+template <ParticleField Field, int Dim, class Real>
 CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                              const Grid<Dim>& grid, int cell_number, bool affine) {
+                              const Grid<Dim>& grid, int cell_number) {
   constexpr std::size_t batch = particle_packs * particle_lanes;
-  const Mat<Dim, Real> none = Mat<Dim, Real>::Zero();
-  CellMomentSum<Dim> sum(grid, cell_number);
-  std::array<typename CellMomentSum<Dim>::Pack, particle_packs> packs;
+  CellMomentSum<Dim, Field> sum(grid, cell_number);
+  std::array<typename CellMomentSum<Dim, Field>::Pack, particle_packs> packs;
   const std::size_t end = order.begin(cell_number + 1);
   for (std::size_t first = order.begin(cell_number); first < end; first += batch) {
     const std::size_t count = std::min(batch, end - first);
-    for (std::size_t l = 0; l < count; ++l) {
-      const std::size_t p = order.particle(first + l);
-      packs[l / particle_lanes].set(l % particle_lanes, particles.volume[p], particles.position[p],
-                                    particles.velocity[p], affine ? particles.affine[p] : none);
-    }
+    for (std::size_t l = 0; l < count; ++l)
+      packs[l / particle_lanes].set(l % particle_lanes, particles, order.particle(first + l));
     const std::size_t used = (count + particle_lanes - 1) / particle_lanes;
     for (std::size_t l = count; l < used * particle_lanes; ++l)
-      packs[used - 1].template set<Real>(l % particle_lanes, 0, grid.origin(),
-                                         Vec<Dim, Real>::Zero(), none);
+      packs[used - 1].clear(l % particle_lanes, grid);
     for (std::size_t k = 0; k < used; ++k)
       sum.add(packs[k]);
   }
@@ -167,15 +207,14 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
 }
 
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller.
-template <int Dim, class Real>
+template <ParticleField Field, int Dim, class Real>
 void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                      const Grid<Dim>& grid, bool affine, int threads,
-                      std::vector<CellMoments<Dim>>& moments) {
+                      const Grid<Dim>& grid, int threads, std::vector<CellMoments<Dim>>& moments) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));
   parallel_chunks(threads, grid.cell_count(), 16, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (int c = static_cast<int>(begin); c < end; ++c)
       if (!order.empty(c))
-        moments[static_cast<std::size_t>(c)] = cell_moments(particles, order, grid, c, affine);
+        moments[static_cast<std::size_t>(c)] = cell_moments<Field>(particles, order, grid, c);
   });
 }
 
@@ -214,6 +253,31 @@ double corner_volume(const CellMoments<Dim>& m, int corner) {
       }
     }
   return sum;
+}
+
+/// Σ_p V_p N_c(x_p) t at one corner of a cell, t = (x_p − x_c)/h by axis, m^d.
+template <int Dim>
+Vec<Dim> corner_first_moment(const CellMoments<Dim>& m, int corner) {
+  using G = Grid<Dim>;
+  constexpr std::array<int, 3> stride = Dim == 2 ? std::array{3, 1, 0} : std::array{9, 3, 1};
+  Vec<Dim> moment;
+  for (int a = 0; a < Dim; ++a) {
+    // along a: N t = ± B_1; along the others: N = B_i + B_{i+1}
+    int first = stride[static_cast<std::size_t>(a)];
+    std::array<int, 2> steps{};
+    int others = 0;
+    for (int b = 0; b < Dim; ++b)
+      if (b != a) {
+        first += G::corner_bit(corner, b) * stride[static_cast<std::size_t>(b)];
+        steps[static_cast<std::size_t>(others++)] = stride[static_cast<std::size_t>(b)];
+      }
+    double sum = 0;
+    for (int i = 0; i <= 1; ++i)
+      for (int j = 0; j <= Dim - 2; ++j)
+        sum += m.volume[static_cast<std::size_t>(first + i * steps[0] + j * steps[1])];
+    moment[a] = G::corner_bit(corner, a) ? -sum : sum;
+  }
+  return moment;
 }
 
 /// Adds one cell's share of g_ij = Σ_p V_p N_i ∇N_j, i being corner `corner` of the cell.

@@ -87,7 +87,7 @@ class CellOrder {
   /// Puts particle order_[k] at place k for all k, in place, one thread an array.
   template <class Real>
   void reorder(Particles<Dim, Real>& particles, int threads) {
-    constexpr std::ptrdiff_t arrays = 5;
+    constexpr std::ptrdiff_t arrays = 6;
     moved_.assign(arrays * order_.size(), 0);
     parallel_for(threads, arrays, [&](std::ptrdiff_t array) {
       char* moved = moved_.data() + static_cast<std::size_t>(array) * order_.size();
@@ -103,6 +103,10 @@ class CellOrder {
         break;
       case 3:
         permute(particles.volume, moved);
+        break;
+      case 4:
+        if (!particles.mixed.empty())
+          permute(particles.mixed, moved);
         break;
       default:
         permute(particles.id, moved);

@@ -12,21 +12,20 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <type_traits>
 #include <vector>
 
 namespace talus {
 
-/// A multilinear field of `Components` numbers in one cell as a polynomial, u = Σ_S a_S Π_{b ∈ S}
+/// A multilinear velocity field in one cell as a polynomial, u = Σ_S a_S Π_{b ∈ S}
 /// ξ_b over the subsets S of the axes: a third of the work of sums over corners, and exact for
 /// uniform fields.
-template <int Dim, int Components = Dim>
+template <int Dim>
 class CellField {
  public:
   static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
 
   /// corner: the values at the corners of the cell.
-  explicit CellField(const std::array<Vec<Components>, corners>& corner) : coefficient_(corner) {
+  explicit CellField(const std::array<Vec<Dim>, corners>& corner) : coefficient_(corner) {
     for (std::size_t bit = 1; bit < corners; bit *= 2) // differences along one axis after another
       for (std::size_t c = 0; c < corners; ++c)
         if (c & bit)
@@ -40,6 +39,28 @@ class CellField {
     else
       return at(0, a) + at(1, a) * xi[2] + (at(2, a) + at(3, a) * xi[2]) * xi[1] +
              slope(0, a, xi) * xi[0];
+  }
+
+  /// The derivative of u_a by the axes of column m of MixedDerivatives, in units of the cell.
+  ParticleLanes mixed(std::size_t m, std::size_t a, const VecLanes<Dim>& xi) const {
+    const std::size_t term = mixed_terms<Dim>[m];
+    if (term == corners - 1)
+      return ParticleLanes::Constant(at(term, a));
+    return at(term, a) + at(corners - 1, a) * xi[m]; // column m < d leaves out axis m
+  }
+
+  /// ∂u_a/∂ξ_b in the middle of the cell.
+  double mean_slope(std::size_t b, std::size_t a) const {
+    const std::size_t own = corners >> (b + 1);
+    double sum = 0;
+    for (std::size_t c = own; c < corners; ++c)
+      if (c & own) {
+        std::size_t others = 0;
+        for (std::size_t rest = c ^ own; rest != 0; rest &= rest - 1)
+          ++others;
+        sum += at(c, a) / static_cast<double>(std::size_t{1} << others);
+      }
+    return sum;
   }
 
   /// ∂u_a/∂ξ_b at ξ.
@@ -58,46 +79,24 @@ class CellField {
  private:
   double at(std::size_t subset, std::size_t a) const { return coefficient_[subset].data()[a]; }
 
-  std::array<Vec<Components>, corners> coefficient_;
+  std::array<Vec<Dim>, corners> coefficient_;
 };
 
-/// How overpacked material spreads: see Packing.
-struct Spreading {
-  std::vector<double> excess; ///< e_i, #nodes; < 0: nothing is moved in the cells of this node
-  double rate = 0;            ///< κ, per unit of strain
-
-  /// Largest share of the difference between nodes that one step evens out: diffusion is stable
-  /// below a half, and without overshoot below a quarter.
-  static constexpr double largest_share = 0.1;
-};
-
-/// ‖D‖ with ‖D‖² = D:D/2 of each particle. gradient: ∇u by columns, 1/s.
-template <int Dim>
-ParticleLanes
-strain_rate_norm(const std::array<VecLanes<Dim>, static_cast<std::size_t>(Dim)>& gradient) {
-  ParticleLanes sum = ParticleLanes::Zero(); // D:D
-  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
-    sum += gradient[a][a] * gradient[a][a];
-    for (std::size_t b = 0; b < a; ++b) {
-      const ParticleLanes shear = gradient[b][a] + gradient[a][b];
-      sum += 0.5 * shear * shear;
-    }
-  }
-  return (0.5 * sum).sqrt();
-}
-
-/// Takes v_p, C_p from the grid by `transfer` and moves
-///   x_p += δt Σ_i N_i(x_p) u_i − min(κ ‖D‖ δt, 0.1) Σ_i e_i h² ∇N_i(x_p),
-/// h² by axis, held between `lower` and `upper` (m; infinite where particles may leave the box).
-/// velocity, before: u and u* at the nodes, m/s, #nodes × at least d; time_step: δt, s.
+/// Takes the particles' velocity fields from the grid by `transfer` and moves
+/// x_p += δt Σ_i N_i(x_p) u_i, held between `lower` and `upper` (m; infinite where particles may
+/// leave the box). velocity, before: u and u* at the nodes, m/s, #nodes × at least d; divergence:
+/// the nodes' mean tr ∇u, #nodes, 1/s, used if the particles' fields are multilinear; time_step:
+/// δt, s.
 template <int Dim, class Real, TransferScheme<Dim> Transfer, class NodeVelocity>
 void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                        const Grid<Dim>& grid, const Transfer& transfer,
                        const std::vector<NodeVelocity>& velocity,
-                       const std::vector<NodeVelocity>& before, const Spreading& spreading,
-                       double time_step, const Vec<Dim>& lower, const Vec<Dim>& upper,
-                       int threads) {
+                       const std::vector<NodeVelocity>& before,
+                       const std::vector<double>& divergence, double time_step,
+                       const Vec<Dim>& lower, const Vec<Dim>& upper, int threads) {
   constexpr std::size_t dim = static_cast<std::size_t>(Dim);
+  constexpr bool multilinear = Transfer::field == ParticleField::multilinear;
+  constexpr std::size_t mixed_count = multilinear ? mixed_terms<Dim>.size() : 0;
   const auto field = [&](const std::vector<NodeVelocity>& nodes, int first) {
     std::array<Vec<Dim>, CellField<Dim>::corners> u;
     for (int c = 0; c < Grid<Dim>::corners; ++c)
@@ -105,13 +104,18 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
           nodes[static_cast<std::size_t>(first + grid.corner_offset(c))].template head<Dim>();
     return CellField<Dim>(u);
   };
-  std::array<double, dim> spacing;
-  for (std::size_t a = 0; a < dim; ++a)
-    spacing[a] = grid.spacing()[static_cast<Eigen::Index>(a)];
+  std::array<double, mixed_terms<Dim>.size()> per_edges; // 1/(edges along the axes of a column)
+  for (std::size_t m = 0; m < per_edges.size(); ++m) {
+    per_edges[m] = 1;
+    for (std::size_t a = 0; a < dim; ++a)
+      if (mixed_terms<Dim>[m] & axis_term<Dim>(a))
+        per_edges[m] *= grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
+  }
   constexpr std::size_t batch = particle_packs * particle_lanes;
   struct Pack {
-    VecLanes<Dim> position, velocity, before, shift;
+    VecLanes<Dim> position, velocity, before;
     std::array<VecLanes<Dim>, dim> gradient; // columns
+    std::array<VecLanes<Dim>, mixed_count> mixed;
   };
   const auto update_cell = [&](int cell_number) {
     std::array<Pack, particle_packs> packs;
@@ -120,19 +124,16 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
     const Index<Dim> cell = grid.cell_index(cell_number);
     const int first_node = grid.first_node(cell);
     const CellField<Dim> now = field(velocity, first_node), then = field(before, first_node);
-    std::array<Vec<1>, CellField<Dim>::corners> corner_excess;
-    bool spreads = spreading.rate > 0, overpacked = false;
-    for (int c = 0; spreads && c < Grid<Dim>::corners; ++c) {
-      const double e =
-          spreading.excess[static_cast<std::size_t>(first_node + grid.corner_offset(c))];
-      corner_excess[static_cast<std::size_t>(c)][0] = e;
-      spreads = e >= 0;
-      overpacked = overpacked || e > 0;
+    double divergence_error = 0;
+    if constexpr (multilinear) {
+      for (std::size_t a = 0; a < dim; ++a)
+        divergence_error +=
+            now.mean_slope(a, a) * grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
+      for (int c = 0; c < Grid<Dim>::corners; ++c)
+        divergence_error -=
+            divergence[static_cast<std::size_t>(first_node + grid.corner_offset(c))] /
+            Grid<Dim>::corners;
     }
-    spreads = spreads && overpacked;
-    if (!spreads)
-      corner_excess.fill(Vec<1>::Zero());
-    const CellField<Dim, 1> excess(corner_excess);
     const std::size_t end = order.begin(cell_number + 1);
     for (std::size_t first = order.begin(cell_number); first < end; first += batch) {
       const std::size_t count = std::min(batch, end - first);
@@ -148,14 +149,9 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
           for (std::size_t b = 0; b < dim; ++b)
             pack.gradient[b][a] =
                 now.slope(b, a, xi) * grid.inverse_spacing()[static_cast<Eigen::Index>(b)];
+          for (std::size_t m = 0; m < mixed_count; ++m)
+            pack.mixed[m][a] = now.mixed(m, a, xi) * per_edges[m];
         }
-        if (!spreads)
-          continue;
-        const ParticleLanes share =
-            (spreading.rate * time_step * strain_rate_norm<Dim>(pack.gradient))
-                .min(Spreading::largest_share);
-        for (std::size_t a = 0; a < dim; ++a)
-          pack.shift[a] = share * excess.slope(a, 0, xi) * -spacing[a];
       }
       for (std::size_t l = 0; l < count; ++l) {
         const Pack& pack = packs[l / particle_lanes];
@@ -166,23 +162,25 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
           sample.velocity_before.data()[a] = pack.before[a][lane];
           for (std::size_t b = 0; b < dim; ++b)
             sample.gradient.data()[b * dim + a] = pack.gradient[b][a][lane];
+          for (std::size_t m = 0; m < mixed_count; ++m)
+            sample.mixed.data()[m * dim + a] = pack.mixed[m][a][lane];
         }
+        sample.divergence_error = divergence_error;
         const std::size_t p = order.particle(first + l);
-        if constexpr (std::is_same_v<Real, double>) {
-          transfer.update(sample, particles.velocity[p], particles.affine[p]);
-        } else {
-          Vec<Dim> v = particles.velocity[p].template cast<double>();
-          Mat<Dim> c = particles.affine[p].template cast<double>();
-          transfer.update(sample, v, c);
-          particles.velocity[p] = v.template cast<Real>();
-          particles.affine[p] = c.template cast<Real>();
-        }
+        VelocityField<Dim> own;
+        own.velocity = particles.velocity[p].template cast<double>();
+        if constexpr (Transfer::field != ParticleField::constant)
+          own.gradient = particles.affine[p].template cast<double>();
+        if constexpr (multilinear)
+          own.mixed = particles.mixed[p].template cast<double>();
+        transfer.update(sample, own);
+        particles.velocity[p] = own.velocity.template cast<Real>();
+        if constexpr (Transfer::field != ParticleField::constant)
+          particles.affine[p] = own.gradient.template cast<Real>();
+        if constexpr (multilinear)
+          particles.mixed[p] = own.mixed.template cast<Real>();
         Vec<Dim>& x = particles.position[p];
-        Vec<Dim> change = time_step * sample.velocity;
-        if (spreads)
-          for (std::size_t a = 0; a < dim; ++a)
-            change.data()[a] += pack.shift[a][lane];
-        x = (x + change).cwiseMax(lower).cwiseMin(upper);
+        x = (x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper);
       }
     }
   };

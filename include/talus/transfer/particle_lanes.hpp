@@ -29,6 +29,21 @@ inline double sum_of(const ParticleLanes& l) {
 template <int Dim>
 using VecLanes = std::array<ParticleLanes, static_cast<std::size_t>(Dim)>;
 
+/// The set {axis} among the sets of axes, numbered like the corners of a cell.
+template <int Dim>
+constexpr std::size_t axis_term(std::size_t axis) {
+  return std::size_t{1} << (static_cast<std::size_t>(Dim) - 1 - axis);
+}
+
+/// The set of axes of each column of MixedDerivatives.
+template <int Dim>
+inline constexpr auto mixed_terms = [] {
+  if constexpr (Dim == 2)
+    return std::array<std::size_t, 1>{3};
+  else
+    return std::array<std::size_t, 4>{3, 5, 6, 7};
+}();
+
 /// Coordinates in `cell`, in [0, 1], from positions x (m).
 template <int Dim>
 VecLanes<Dim> local_lanes(const Grid<Dim>& grid, const Index<Dim>& cell, const VecLanes<Dim>& x) {

@@ -5,60 +5,109 @@
 #include "talus/core/types.hpp"
 #include "talus/transfer/transfer_scheme.hpp"
 
+#include <cmath>
+
 namespace talus {
+
+/// Particle-in-cell that loses nothing of the grid's field: a particle carries all 2^d coefficients
+/// of the multilinear velocity of its cell (polynomial PIC, Fu et al. 2017, for multilinear shape
+/// functions), so that grid → particles → grid is the identity on nodal velocities where nothing
+/// moves. Linear and angular momentum are kept as by Apic.
+///
+/// Some of what the grid can have no stress acts on, since stress sees the strain rate averaged
+/// around a node, and a velocity that alternates from node to node has none: that is the mixed
+/// derivatives m_S, and the part E of a cell's divergence that its nodes do not see. They are
+/// damped at a rate of their own,
+/// \f[ m_S ← κ\, m_S, \quad C_p ← C_p − (1 − κ)\, \frac{E}{d} I, \quad
+///     κ = e^{−c \sqrt{g/h}\, δt}. \f]
+/// A smooth flow loses energy to it in proportion to c sqrt(g/h) h⁴. See docs/accuracy.md.
+struct PolyPic {
+  struct Params {
+    double damping = 10; ///< c, >= 0, in units of sqrt(|g|/h), h the shortest edge of a cell
+  };
+  static constexpr ParticleField field = ParticleField::multilinear;
+  PolyPic() = default;
+
+  /// Throws std::invalid_argument unless 0 <= damping.
+  explicit PolyPic(const Params& params) : damping_(params.damping) {
+    require_non_negative("transfer.damping", damping_);
+  }
+
+  void prepare(const TransferStep& step) {
+    kept_ = std::exp(-damping_ * step.grid_rate * step.time_step);
+  }
+
+  template <int Dim>
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity;
+    p.gradient = sample.gradient;
+    const double lost = (1 - kept_) * sample.divergence_error / Dim;
+    for (int a = 0; a < Dim; ++a)
+      p.gradient(a, a) -= lost;
+    p.mixed = kept_ * sample.mixed;
+  }
+
+ private:
+  double damping_ = Params{}.damping, kept_ = 1;
+};
 
 /// Affine particle-in-cell (Jiang et al. 2015):
 /// \f[ v_p = \sum_i N_i u_i, \quad C_p = \sum_i u_i ⊗ ∇N_i. \f]
 /// For multilinear shape functions this C_p is B_p D_p⁻¹ of that paper; linear and angular momentum
-/// are kept.
+/// are kept. Mixed derivatives of the grid's field are lost in each step, however short.
 struct Apic {
   struct Params {};
-  static constexpr bool affine = true;
+  static constexpr ParticleField field = ParticleField::affine;
   Apic() = default;
   explicit Apic(const Params&) {}
 
   template <int Dim>
-  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>& c) const {
-    v = sample.velocity;
-    c = sample.gradient;
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity;
+    p.gradient = sample.gradient;
   }
 };
 
 /// Particle-in-cell: v_p = Σ N_i u_i. Averages away whatever the grid can't see: dissipative.
 struct Pic {
   struct Params {};
-  static constexpr bool affine = false;
+  static constexpr ParticleField field = ParticleField::constant;
   Pic() = default;
   explicit Pic(const Params&) {}
 
   template <int Dim>
-  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>&) const {
-    v = sample.velocity;
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity;
   }
 };
 
-/// The blend of FLIP (r = 1) and PIC (r = 0):
-/// \f[ v_p ← r\, \Bigl( v_p + \sum_i N_i (u_i − u^*_i) \Bigr) + (1 − r) \sum_i N_i u_i. \f]
+/// The blend of FLIP and PIC: velocities of their own decay towards the grid's,
+/// \f[ v_p ← r\, \Bigl( v_p + \sum_i N_i (u_i − u^*_i) \Bigr) + (1 − r) \sum_i N_i u_i, \quad
+///     r = e^{−c \sqrt{g/h}\, δt}. \f]
 struct Flip {
   struct Params {
-    double ratio = 0.97; ///< r, in [0, 1]
+    double damping = 1; ///< c, >= 0, in units of sqrt(|g|/h); 0 is FLIP
   };
-  static constexpr bool affine = false;
+  static constexpr ParticleField field = ParticleField::constant;
   Flip() = default;
 
-  /// Throws std::invalid_argument unless 0 <= ratio <= 1.
-  explicit Flip(const Params& params) : ratio_(params.ratio) {
-    if (!(ratio_ >= 0 && ratio_ <= 1))
-      throw_invalid("transfer.ratio", ratio_, "a number in [0, 1]");
+  /// Throws std::invalid_argument unless 0 <= damping.
+  explicit Flip(const Params& params) : damping_(params.damping) {
+    require_non_negative("transfer.damping", damping_);
+  }
+
+  void prepare(const TransferStep& step) {
+    ratio_ = std::exp(-damping_ * step.grid_rate * step.time_step);
   }
 
   template <int Dim>
-  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>&) const {
-    v = ratio_ * (v + sample.velocity - sample.velocity_before) + (1 - ratio_) * sample.velocity;
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = ratio_ * (p.velocity + sample.velocity - sample.velocity_before) +
+                 (1 - ratio_) * sample.velocity;
   }
 
  private:
-  double ratio_ = Params{}.ratio;
+  double damping_ = Params{}.damping, ratio_ = 1;
 };
 
 } // namespace talus
