@@ -44,6 +44,7 @@
 #include "talus/dual/residual.hpp"
 #include "talus/io/checkpoint.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/csv_table.hpp"
 #include "talus/io/number.hpp"
 #include "talus/io/progress.hpp"
 #include "talus/io/stl.hpp"
