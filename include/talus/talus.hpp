@@ -31,6 +31,7 @@
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
+#include "talus/core/symmetric_eigen.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/find_root.hpp"
