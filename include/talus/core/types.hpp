@@ -26,7 +26,7 @@ using Mat = RectMat<Dim, Dim, Scalar>;
 /// Integer coordinates of a cell or of a node: Index<3>{76, 3, 15}.
 template <int Dim>
 struct Index {
-  int values[Dim]{};
+  int values[static_cast<unsigned>(Dim)]{};
 
   constexpr int& operator[](int axis) { return values[axis]; }
   constexpr int operator[](int axis) const { return values[axis]; }
