@@ -27,6 +27,7 @@ int_index -DEIGEN_DEFAULT_DENSE_INDEX_TYPE=int
 warnings='-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wuseless-cast -Werror'
 
 export folder here include eigen warnings
+# shellcheck disable=SC2016 # expanded by the inner shell
 echo "$builds" | grep . | xargs -P "$(getconf _NPROCESSORS_ONLN)" -I{} sh -euc '
   # shellcheck disable=SC2086 # several words
   set -- {}

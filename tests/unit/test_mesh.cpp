@@ -205,9 +205,9 @@ TEST_CASE("STL: dialects") {
       {"binary, number never filled in", never_counted},
       {"binary, number -1", unfinished},
   };
-  for (const auto& [name, bytes] : taken) {
-    CAPTURE(name);
-    write(bytes);
+  for (const auto& dialect : taken) { // no binding: CAPTURE takes it into a lambda
+    CAPTURE(dialect.first);
+    write(dialect.second);
     TriangleMesh read;
     REQUIRE_NOTHROW(read = read_stl(file));
     CHECK(read == mesh);
@@ -226,9 +226,10 @@ TEST_CASE("STL: dialects") {
       {replaced(raw, std::string("\0\0\x80\x3f", 4), std::string("\0\0\x80\x7f", 4)), // 1 → ∞
        "triangle 1: a coordinate is not finite"},
   };
-  for (const auto& [bytes, words] : refused) {
+  for (const auto& wrong : refused) {
+    const std::string words = wrong.second;
     CAPTURE(words);
-    write(bytes);
+    write(wrong.first);
     const std::string said =
         message_of<std::runtime_error>([&] { static_cast<void>(read_stl(file)); });
     CAPTURE(said);
