@@ -11,6 +11,8 @@
 #include "talus/io/problem_file.hpp"
 #include "talus/solver/gauss_seidel.hpp"
 
+#include "../examples/support/whole_numbers.hpp"
+
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
@@ -171,6 +173,7 @@ int main(int argc, char** argv) {
   app.add_option("--matrix-market", options.matrix_market,
                  "Also write the problem's plain algebra into this folder");
   try {
+    support::check_numbers(app);
     app.parse(argc, argv);
     if (options.repetitions < 1)
       throw_invalid("--repetitions", options.repetitions, "an integer >= 1");

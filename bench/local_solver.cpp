@@ -12,6 +12,7 @@
 #include "talus/cone/quartic.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/cone/secular_batch.hpp"
+#include "talus/io/number.hpp"
 
 #include "../tests/support/cone_problems.hpp"
 
@@ -19,7 +20,6 @@
 
 #include <cstddef>
 #include <cstdio>
-#include <cstdlib>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -86,7 +86,10 @@ Set<N> recorded_problems(const std::string& path) {
     std::vector<double> x;
     std::istringstream cells(line);
     for (std::string cell; std::getline(cells, cell, ',');)
-      x.push_back(std::strtod(cell.c_str(), nullptr));
+      if (const auto number = talus::parse_number<double>(cell))
+        x.push_back(*number);
+      else
+        throw std::runtime_error(path + ": \"" + cell + "\" is no number");
     if (x.size() != numbers)
       throw std::runtime_error(path + ": a line has " + std::to_string(x.size()) +
                                " numbers instead of " + std::to_string(numbers));

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The whole step of run B15, phase by phase; JSON on standard output.
 
+#include "../examples/support/whole_numbers.hpp"
 #include "scenes.hpp"
 
 #include "talus/diagnostics/checksum.hpp"
@@ -94,6 +95,7 @@ int main(int argc, char** argv) {
   app.add_option("--tolerance", options.tolerance)->check(CLI::PositiveNumber);
   app.add_option("--particle-data", options.particle_data, "double, or float (3-D only)")
       ->check(CLI::IsMember({"double", "float"}));
+  support::check_numbers(app);
   CLI11_PARSE(app, argc, argv);
   nlohmann::json measured;
   if (options.dim == 2)

@@ -19,11 +19,14 @@ struct TomlAssertion {};
 #include <toml++/toml.h>
 #pragma pop_macro("NDEBUG")
 
+#include "whole_numbers.hpp"
+
 #include "talus/core/error.hpp"
 #include "talus/core/parallel.hpp"
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -127,6 +130,7 @@ inline std::string command_to_resume() {
 /// that names it; 1 for anything else.
 template <class Body>
 int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
+  check_numbers(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -156,9 +160,11 @@ class Toml {
   bool has(std::string_view key) const { return table_.contains(key); }
 
   double number(std::string_view key) const {
-    const auto value = table_[key].value<double>();
-    if (!value)
-      throw std::invalid_argument(where_ + ": " + std::string(key) + " is missing or not a number");
+    const auto node = table_[key];
+    const auto value = node.value<double>();
+    if (!node || !value || !std::isfinite(*value))
+      throw std::invalid_argument(where_ + (node ? line_of(*node.node()) : "") + ": " +
+                                  std::string(key) + " is missing or not a finite number");
     return *value;
   }
   double number(std::string_view key, double fallback) const {
@@ -168,7 +174,8 @@ class Toml {
   std::string text(std::string_view key) const {
     const auto value = table_[key].value<std::string>();
     if (!value)
-      throw std::invalid_argument(where_ + ": " + std::string(key) + " is missing or not a text");
+      throw std::invalid_argument(where_ + (table_.contains(key) ? line_of(*table_.get(key)) : "") +
+                                  ": " + std::string(key) + " is missing or not a text");
     return *value;
   }
 
@@ -200,6 +207,10 @@ class Toml {
   }
 
  private:
+  static std::string line_of(const toml::node& node) {
+    return ": line " + std::to_string(node.source().begin.line);
+  }
+
   std::string where_;
   toml::table table_;
 };

@@ -7,6 +7,7 @@
 #include "results.hpp"
 
 #include "talus/io/csv.hpp"
+#include "talus/io/csv_table.hpp"
 #include "talus/io/progress.hpp"
 
 #include <CLI/CLI.hpp>
@@ -247,25 +248,15 @@ class Sweep {
 /// Columns of a table that a run left.
 class RunTable {
  public:
-  explicit RunTable(const fs::path& path) : path_(path) {
-    std::ifstream file(path);
-    std::string line;
-    std::getline(file, line);
-    names_ = split(line);
-    columns_.resize(names_.size());
-    while (std::getline(file, line)) {
-      const std::vector<std::string> cells = split(line);
-      for (std::size_t c = 0; c < cells.size() && c < columns_.size(); ++c)
-        columns_[c].push_back(std::strtod(cells[c].c_str(), nullptr));
-    }
-    if (columns_.empty() || columns_[0].empty())
+  explicit RunTable(const fs::path& path) : path_(path), table_(talus::read_csv(path)) {
+    if (table_.columns[0].empty())
       throw std::runtime_error(path.string() + ": no rows");
   }
   const Values& operator[](const std::string& name) const {
-    const auto at = std::find(names_.begin(), names_.end(), name);
-    if (at == names_.end())
+    const auto at = std::find(table_.names.begin(), table_.names.end(), name);
+    if (at == table_.names.end())
       throw std::runtime_error(path_.string() + ": no column " + name);
-    return columns_[static_cast<std::size_t>(at - names_.begin())];
+    return table_.columns[static_cast<std::size_t>(at - table_.names.begin())];
   }
   /// The part of a column that belongs to the time (column time_s) nearest to `time`.
   Values at(double time, const std::string& name) const {
@@ -282,18 +273,8 @@ class RunTable {
   double last_time() const { return (*this)["time_s"].back(); }
 
  private:
-  static std::vector<std::string> split(const std::string& line) {
-    std::vector<std::string> cells(1);
-    for (const char c : line)
-      if (c == ',')
-        cells.emplace_back();
-      else if (c != '\r')
-        cells.back() += c;
-    return cells;
-  }
   fs::path path_;
-  std::vector<std::string> names_;
-  std::vector<Values> columns_;
+  talus::CsvTable table_;
 };
 
 /// The deposit of a run, from profiles.csv.

@@ -11,6 +11,7 @@
 
 #include "talus/boundary/mesh_distance.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/csv_table.hpp"
 #include "talus/io/stl.hpp"
 
 #include <algorithm>
@@ -77,6 +78,18 @@ void resume_table(std::string_view bytes) {
     std::abort();
 }
 
+void read_table(std::string_view bytes) {
+  try {
+    const talus::CsvTable table = talus::read_csv(fuzz::write("numbers.csv", bytes));
+    for (const auto& column : table.columns)
+      if (column.size() != table.columns[0].size())
+        std::abort();
+  } catch (const std::runtime_error& error) {
+    if (std::string_view(error.what()).find("cannot read") != 0)
+      std::abort();
+  }
+}
+
 void read_summary(std::string_view bytes) {
   fuzz::write("summary.json", bytes);
   const support::Checkpoints checkpoints(fuzz::folder(), {.resume = true}, {{"case", "B15"}});
@@ -118,6 +131,7 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
     }
     save("table", "c\x04"
                   "a,b\n1,2\n");
+    save("numbers", "na,\"b, c\"\r\n1,-2.5e-3\nnan,\"inf\"\n");
     save("summary", R"(s{"inputs": {"case": "B15"}, "status": "completed"})");
     std::string tetrahedron = "msolid t\n";
     for (const char* facet :
@@ -143,6 +157,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view bytes(reinterpret_cast<const char*>(data) + 1, size - 1);
   if (data[0] == 'c')
     resume_table(bytes);
+  else if (data[0] == 'n')
+    read_table(bytes);
   else if (data[0] == 's')
     read_summary(bytes);
   else if (data[0] == 'm')

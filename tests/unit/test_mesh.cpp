@@ -11,6 +11,8 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -19,6 +21,7 @@
 #include <sstream>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 using namespace talus;
 using support::contains;
@@ -121,16 +124,117 @@ TEST_CASE("STL files, ASCII and binary") {
   };
   CHECK(contains(message(""), "a.stl: it is neither"));
   CHECK(contains(message("solid empty\nendsolid\n"), "no triangle"));
-  CHECK(contains(message("solid a vertex 1 2"), "a coordinate \"\""));
-  CHECK(contains(message("solid a vertex 1 2 x"), "a coordinate \"x\""));
-  CHECK(contains(message("solid a vertex 1 2 nan"), "not complete"));
-  CHECK(contains(message("solid a vertex 1 2 nan vertex 0 0 0 vertex 0 0 1"), "not finite"));
+  CHECK(contains(message("solid a\nvertex 1 2"), "line 2: a corner's coordinate is \"\""));
+  CHECK(contains(message("solid a\nvertex 1 2 3"), "a facet has 1 corners"));
   const std::string good = binary(mesh);
-  CHECK(contains(message(good.substr(0, good.size() - 1)), "no triangle")); // begins like ASCII
+  CHECK(contains(message(good.substr(0, good.size() - 1)),
+                 "of 12 triangles that it announces it can hold 11"));
   CHECK(contains(message("x" + good.substr(1, good.size() - 2)), "neither"));
+  CHECK(contains(message_of<std::invalid_argument>([&] { static_cast<void>(read_stl(file, 0)); }),
+                 "scale is 0"));
   CHECK(contains(
       message_of<std::runtime_error>([&] { static_cast<void>(read_stl(folder / "none")); }),
       "No such file"));
+}
+
+TEST_CASE("STL: a number is a whole word") {
+  const Folder folder;
+  const auto file = folder / "a.stl";
+  for (const char* bad : {"0,5", "1.5D+03", "2mm", "1.5f", "1e", "0x10", "1_000", "1'000", "nan",
+                          "-inf", "1e999", "1.#INF", "--1", "+-1", "1..5", "endloop"}) {
+    CAPTURE(bad);
+    std::ofstream(file)
+        << "solid tetra\nfacet normal 0 0 0\n outer loop\r\n  vertex 0 0 0\n  vertex " << bad
+        << " 0 0\n  vertex 0 1 0\n endloop\nendfacet\nendsolid\n";
+    const std::string said =
+        message_of<std::runtime_error>([&] { static_cast<void>(read_stl(file)); });
+    CHECK(contains(said, "line 5: a corner's coordinate is \"" + std::string(bad) + "\""));
+  }
+  for (const char* good : {"2", "+2", "2.", "2.0", "+2e0", "2E+00", "0.2e1", "20e-1", "2.000000"}) {
+    CAPTURE(good);
+    std::ofstream(file) << "solid\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex " << good
+                        << " 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+    CHECK(read_stl(file)[0][1][0] == 2);
+  }
+}
+
+TEST_CASE("STL: dialects") {
+  const Folder folder;
+  const auto file = folder / "a.stl";
+  const auto write = [&](const std::string& bytes) {
+    std::ofstream(file, std::ios::binary) << bytes;
+  };
+  const TriangleMesh mesh = box_mesh({0, 0, -1}, {1, 2, 3});
+  const std::string plain = ascii(mesh), raw = binary(mesh);
+  const auto replaced = [](std::string text, const std::string& from, const std::string& to) {
+    for (std::size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size())
+      text.replace(at, from.size(), to);
+    return text;
+  };
+  std::string capitals = plain;
+  for (char& c : capitals)
+    c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+  std::string unfinished = raw, never_counted = raw;
+  for (std::size_t k = 80; k < 84; ++k) {
+    unfinished[k] = '\xff';
+    never_counted[k] = '\0';
+  }
+  const std::pair<const char*, std::string> taken[] = {
+      {"capitals", capitals},
+      {"byte order mark", "\xef\xbb\xbf" + plain},
+      {"blank lines first", "\r\n \t\n" + plain},
+      {"lines end with CR LF", replaced(plain, "\n", "\r\n")},
+      {"lines end with CR", replaced(plain, "\n", "\r")},
+      {"all in one line", replaced(plain, "\n", " ")},
+      {"all in one line, normals", replaced(replaced(plain, "0 0 0\n", "0 0 1 "), "\n", "\t")},
+      {"no name", replaced(plain, " thing", "")},
+      {"a name of keywords", replaced(plain, "thing", "a facet vertex 1 2 normal outer loop")},
+      {"a name that is not ASCII", replaced(plain, "thing",
+                                            "Gr\xc3\xb6\xc3\x9f"
+                                            "e")},
+      {"end in two words", replaced(plain, "end", "end ")},
+      {"normals that are no numbers", replaced(plain, "0 0 0\n", "nan -nan(ind) 1,0\n")},
+      {"no normals", replaced(plain, "normal 0 0 0", "")},
+      {"colours", replaced(plain, "  outer", "color 0.5 0.5 1\n  outer")},
+      {"no solid, no endsolid", plain.substr(12, plain.find("endsolid") - 12)},
+      {"zeros behind", plain + std::string(100, '\0')},
+      {"Ctrl-Z behind", plain + "\x1a"},
+      {"binary that begins with solid", raw},
+      {"binary, zeros behind", raw + std::string(77, '\0')},
+      {"binary, a line end behind", raw + "\r\n"},
+      {"binary, number never filled in", never_counted},
+      {"binary, number -1", unfinished},
+  };
+  for (const auto& dialect : taken) { // no binding: CAPTURE takes it into a lambda
+    CAPTURE(dialect.first);
+    write(dialect.second);
+    TriangleMesh read;
+    REQUIRE_NOTHROW(read = read_stl(file));
+    CHECK(read == mesh);
+  }
+  write(plain + replaced(plain, "thing", "another"));
+  CHECK(read_stl(file).size() == 2 * mesh.size());
+
+  const std::pair<std::string, const char*> refused[] = {
+      {replaced(plain, "  endloop", "   vertex 0 0 9\n  endloop"),
+       "line 8: a facet has 4 corners"}, // a quad
+      {plain.substr(0, plain.find("endloop", plain.size() / 2)), "truncated"},
+      {plain.substr(0, plain.find("endfacet", plain.size() / 2) - 60), "truncated"},
+      {raw + std::string(50, 'x'), "more in it than the 12 triangles"},
+      {"\xff\xfes\0o\0l\0i\0d\0", "neither"}, // UTF-16
+      {std::string(84, '\0'), "neither"},
+      {replaced(raw, std::string("\0\0\x80\x3f", 4), std::string("\0\0\x80\x7f", 4)), // 1 → ∞
+       "triangle 1: a coordinate is not finite"},
+  };
+  for (const auto& wrong : refused) {
+    const std::string words = wrong.second;
+    CAPTURE(words);
+    write(wrong.first);
+    const std::string said =
+        message_of<std::runtime_error>([&] { static_cast<void>(read_stl(file)); });
+    CAPTURE(said);
+    CHECK(contains(said, words));
+  }
 }
 
 TEST_CASE("a sampled mesh has the distances of the solid") {
@@ -161,7 +265,15 @@ TEST_CASE("meshes that enclose nothing are refused") {
   TriangleMesh open = box_mesh({0, 0, 0}, {1, 1, 1});
   open.pop_back();
   CHECK(contains(message_of<std::invalid_argument>([&] { shapes::SampledMesh(open, 0.1); }),
-                 "a closed surface"));
+                 "the mesh is open near there"));
+  TriangleMesh sheet; // z = 0, in many triangles
+  for (int i = 0; i < 8; ++i)
+    for (int j = 0; j < 8; ++j) {
+      sheet.push_back({Vec<3>(i, j, 0), Vec<3>(i + 1, j, 0), Vec<3>(i, j + 1, 0)});
+      sheet.push_back({Vec<3>(i + 1, j + 1, 0), Vec<3>(i, j + 1, 0), Vec<3>(i + 1, j, 0)});
+    }
+  CHECK(contains(message_of<std::invalid_argument>([&] { shapes::SampledMesh(sheet, 0.5); }),
+                 "the mesh is open near there"));
   CHECK(contains(message_of<std::invalid_argument>([&] { shapes::SampledMesh({}, 0.1); }),
                  "the number of triangles is 0"));
   const TriangleMesh closed = box_mesh({0, 0, 0}, {1, 1, 1});
@@ -172,4 +284,68 @@ TEST_CASE("meshes that enclose nothing are refused") {
   for (auto& t : inward)
     std::swap(t[0], t[1]);
   CHECK(shapes::SampledMesh(inward, 0.1).distance({0.5, 0.5, 0.5}) < -0.4);
+}
+
+TEST_CASE("corners that are apart by rounding: at any spacing, scale and place") {
+  for (const double scale : {1.0, 1e-3, 25.4e-3, 1e-6})
+    for (const double away : {0.0, 0.25, 40.0, -1000.0})
+      for (const double spacing : {0.05, 0.07, 0.1, 0.25}) {
+        CAPTURE(scale);
+        CAPTURE(away);
+        CAPTURE(spacing);
+        const Vec<3> lower = Vec<3>::Constant(away);
+        TriangleMesh mesh = box_mesh(lower, lower + Vec<3>(1, 1, 1));
+        Random random(1);
+        for (auto& t : mesh)
+          for (auto& x : t)
+            for (int a = 0; a < 3; ++a) { // the nearest float, or one of its neighbours
+              const float to = random.uniform() < 0.5 ? -1e9F : 1e9F;
+              const float place = static_cast<float>(x[a]);
+              x[a] = scale * static_cast<double>(
+                                 random.uniform() < 0.5 ? place : std::nextafter(place, to));
+            }
+        const shapes::SampledMesh solid(mesh, scale * spacing);
+        const shapes::Box<3> exact(scale * lower, scale * (lower + Vec<3>(1, 1, 1)));
+        for (int n = 0; n < 200; ++n) {
+          Vec<3> x;
+          for (int a = 0; a < 3; ++a)
+            x[a] = scale * (away + 2 * random.uniform() - 0.5);
+          const double off = std::abs(solid.distance(x) - exact.distance(x));
+          REQUIRE(off < (exact.distance(x) < 0.3 * scale ? 0.5 * scale * spacing : scale));
+          if (std::abs(exact.distance(x)) > 0.3 * scale * spacing)
+            REQUIRE((solid.distance(x) < 0) == (exact.distance(x) < 0));
+        }
+      }
+}
+
+TEST_CASE("several shells: apart, touching, overlapping, within each other") {
+  const auto joined = [](TriangleMesh a, const TriangleMesh& b) {
+    a.insert(a.end(), b.begin(), b.end());
+    return a;
+  };
+  const TriangleMesh cube = box_mesh({0, 0, 0}, {1, 1, 1});
+  for (const double gap : {0.4, 0.0, -0.35}) { // between the two
+    CAPTURE(gap);
+    const Vec<3> lower(1 + gap, 0, 0), upper(2 + gap, 1, 1);
+    const shapes::SampledMesh solid(joined(cube, box_mesh(lower, upper)), 0.1);
+    const shapes::Box<3> a({0, 0, 0}, {1, 1, 1}), b(lower, upper);
+    const shapes::Box<3> all({0, 0, 0}, upper);
+    Random random(3);
+    for (int n = 0; n < 2000; ++n) {
+      const Vec<3> x(3.6 * random.uniform() - 0.5, 2 * random.uniform() - 0.5,
+                     2 * random.uniform() - 0.5);
+      const double exact = gap > 0 ? std::min(a.distance(x), b.distance(x)) : all.distance(x);
+      if (std::abs(exact) > 0.03)
+        REQUIRE((solid.distance(x) < 0) == (exact < 0));
+      if (std::abs(exact) < 0.1 || gap == 0) // faces that touch count no more
+        REQUIRE(std::abs(solid.distance(x) - exact) < (exact < 0.3 ? 0.05 : 1));
+    }
+  }
+  TriangleMesh inner = box_mesh({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75});
+  CHECK(shapes::SampledMesh(joined(cube, inner), 0.05).distance({0.5, 0.5, 0.5}) ==
+        doctest::Approx(-0.5).epsilon(0.05));
+  for (auto& t : inner)
+    std::swap(t[0], t[1]);
+  CHECK(shapes::SampledMesh(joined(cube, inner), 0.05).distance({0.5, 0.5, 0.5}) ==
+        doctest::Approx(0.25).epsilon(0.1));
 }

@@ -103,10 +103,8 @@ TEST_CASE("a user's law: a lambda, a struct, a function made at run time") {
   CHECK(refused([](double I) { return 0.4 + I; }) ==
         "rheology.law at I = inf is inf; allowed: a finite number >= 0");
   CHECK(refused([](double I) { return 0.4 - std::min(I, 1.0); }) ==
-        "rheology.law at I = 1.000000 is -0.6; allowed: a finite number >= 0");
-  CHECK(refused([](double I) {
-          return 0.4 * I / I;
-        }).starts_with("rheology.law at I = 0.000000 is "));
+        "rheology.law at I = 1 is -0.6; allowed: a finite number >= 0");
+  CHECK(refused([](double I) { return 0.4 * I / I; }).starts_with("rheology.law at I = 0 is "));
 }
 
 TEST_CASE("a law that gives no friction during a run stops the step, and the report says so") {

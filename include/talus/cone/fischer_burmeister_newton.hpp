@@ -37,8 +37,7 @@ class FischerBurmeisterNewton {
   template <int N, class Scalar>
   using Wide = Vec<width<N>, Scalar>;
   template <int N, class Scalar>
-  using Rows =
-      Eigen::Matrix<Scalar, width<N>, N>; ///< one equation a column, entry N its right side
+  using Rows = RectMat<width<N>, N, Scalar>; ///< one equation a column, entry N its right side
 
   /// W and μ in units of `scale`.
   template <class Law, int N, class Scalar = double>

@@ -37,7 +37,7 @@ Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned> basis_vector() {
 
 /// |x_T|, without overflow on the way. x: N.
 template <int N, class Scalar>
-Scalar tangential_norm(const Eigen::Matrix<Scalar, N, 1>& x) {
+Scalar tangential_norm(const Vec<N, Scalar>& x) {
   using std::abs, std::sqrt;
   Scalar largest(0), sum(0);
   for (int k = 1; k < N; ++k)
@@ -54,7 +54,7 @@ Scalar tangential_norm(const Eigen::Matrix<Scalar, N, 1>& x) {
 
 /// x with 0 in place of x_N.
 template <int N, class Scalar>
-Vec<N, Scalar> tangential(const Eigen::Matrix<Scalar, N, 1>& x) {
+Vec<N, Scalar> tangential(const Vec<N, Scalar>& x) {
   Vec<N, Scalar> t = x;
   t[0] = 0;
   return t;

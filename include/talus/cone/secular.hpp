@@ -5,9 +5,8 @@
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/secular_equation.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/symmetric_eigen.hpp"
 #include "talus/core/types.hpp"
-
-#include <Eigen/Eigenvalues>
 
 #include <algorithm>
 #include <cmath>
@@ -68,18 +67,22 @@ class SecularSolver {
     p.compliance.fill(1);
     if (!(p.scale > 0))
       return p;
-    const Eigen::SelfAdjointEigenSolver<Mat<N - 1, Scalar>> eigen(
-        w.template bottomRightCorner<N - 1, N - 1>() / p.scale);
+    Mat<N - 1, Scalar> tangential;
+    for (int c = 0; c < N - 1; ++c)
+      for (int r = 0; r < N - 1; ++r)
+        tangential(r, c) = w(r + 1, c + 1) / p.scale;
+    const SymmetricEigen<N - 1, Scalar> eigen(tangential);
     p.normal = w(0, 0) / p.scale;
-    const Vec<N - 1, Scalar> coupling =
-        eigen.eigenvectors().transpose() * (w.template bottomLeftCorner<N - 1, 1>() / p.scale);
     Scalar schur = p.normal, smallest = p.normal;
     for (std::size_t k = 0; k < m; ++k) {
-      const Eigen::Index i = static_cast<Eigen::Index>(k);
-      p.eigenvalues[k] = eigen.eigenvalues()[i];
-      p.coupling[k] = coupling[i];
-      for (std::size_t j = 0; j < m; ++j)
-        p.basis[k][j] = eigen.eigenvectors()(static_cast<Eigen::Index>(j), i);
+      const int i = static_cast<int>(k);
+      p.eigenvalues[k] = eigen.values[i];
+      p.coupling[k] = 0;
+      for (std::size_t j = 0; j < m; ++j) {
+        const int row = static_cast<int>(j);
+        p.basis[k][j] = eigen.vectors(row, i);
+        p.coupling[k] += p.basis[k][j] * (w(row + 1, 0) / p.scale);
+      }
       smallest = std::min(smallest, p.eigenvalues[k]);
       schur -= p.coupling[k] * p.coupling[k] / p.eigenvalues[k];
     }

@@ -15,7 +15,8 @@ namespace talus {
 
 /// Width numbers that are worked on at once.
 template <int Width, class Scalar = double>
-using Pack = std::experimental::simd<Scalar, std::experimental::simd_abi::deduce_t<Scalar, Width>>;
+using Pack = std::experimental::simd<
+    Scalar, std::experimental::simd_abi::deduce_t<Scalar, static_cast<std::size_t>(Width)>>;
 
 template <class Number, class Abi>
 struct Lanes<std::experimental::simd<Number, Abi>> {

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/compiler.hpp"
+
 #include <cmath>
+#include <locale>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -13,13 +16,21 @@
 
 namespace talus {
 
+/// A value as messages show it, the same in all locales.
+template <class T>
+std::string text_of(const T& value) {
+  std::ostringstream text;
+  text.imbue(std::locale::classic());
+  text.precision(10);
+  text << value;
+  return text.str();
+}
+
 /// Throws std::invalid_argument: "`name` is `value`; allowed: `allowed`".
 template <class T>
 [[noreturn]] void throw_invalid(std::string_view name, const T& value, std::string_view allowed) {
-  std::ostringstream message;
-  message.precision(10);
-  message << name << " is " << value << "; allowed: " << allowed;
-  throw std::invalid_argument(message.str());
+  throw std::invalid_argument(std::string(name) + " is " + text_of(value) +
+                              "; allowed: " + std::string(allowed));
 }
 
 /// Throws std::invalid_argument unless `value` is finite and > 0.

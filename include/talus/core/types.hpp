@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/compiler.hpp"
+
 #include <Eigen/Core>
 
 /// \file
@@ -8,18 +10,23 @@
 
 namespace talus {
 
+/// A Rows × Cols matrix, stored by columns. The order is part of the type: inner loops read the
+/// numbers as they lie, and EIGEN_DEFAULT_TO_ROW_MAJOR must not change that.
+template <int Rows, int Cols, class Scalar = double>
+using RectMat = Eigen::Matrix<Scalar, Rows, Cols, Eigen::ColMajor>;
+
 /// A column of Dim numbers.
 template <int Dim, class Scalar = double>
-using Vec = Eigen::Matrix<Scalar, Dim, 1>;
+using Vec = RectMat<Dim, 1, Scalar>;
 
 /// A Dim × Dim matrix.
 template <int Dim, class Scalar = double>
-using Mat = Eigen::Matrix<Scalar, Dim, Dim>;
+using Mat = RectMat<Dim, Dim, Scalar>;
 
 /// Integer coordinates of a cell or of a node: Index<3>{76, 3, 15}.
 template <int Dim>
 struct Index {
-  int values[Dim]{};
+  int values[static_cast<unsigned>(Dim)]{};
 
   constexpr int& operator[](int axis) { return values[axis]; }
   constexpr int operator[](int axis) const { return values[axis]; }

@@ -35,7 +35,7 @@ class Stencil {
 /// Velocity gradient sum L = Σ_j u_j ⊗ g_j: column b is Σ_j u_j g_j,b.
 /// u points at the velocity of the node in the middle.
 template <int Dim>
-Eigen::Matrix<double, NodeVec<Dim>::RowsAtCompileTime, Dim>
+RectMat<NodeVec<Dim>::RowsAtCompileTime, Dim>
 gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const Coupling<Dim>& g) {
   using Wide = NodeVec<Dim>;
   // One partial sum per place in a row: the additions of the three don't wait for each other.
@@ -49,7 +49,7 @@ gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const Coupli
       for (int b = 0; b < Dim; ++b)
         sum[k][static_cast<std::size_t>(b)] += row[k] * g(b, 3 * r + static_cast<int>(k));
   }
-  Eigen::Matrix<double, Wide::RowsAtCompileTime, Dim> gradient;
+  RectMat<Wide::RowsAtCompileTime, Dim> gradient;
   for (int b = 0; b < Dim; ++b) {
     const std::size_t s = static_cast<std::size_t>(b);
     gradient.col(b) = sum[0][s] + sum[1][s] + sum[2][s];
@@ -71,7 +71,7 @@ template <int Dim>
 void apply_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std::size_t cone,
                   const Vec<symmetric_size<Dim>>& lambda) {
   using Wide = NodeVec<Dim>;
-  Eigen::Matrix<double, Wide::RowsAtCompileTime, Dim> tensor;
+  RectMat<Wide::RowsAtCompileTime, Dim> tensor;
   tensor.setZero();
   tensor.template topRows<Dim>() = vector_to_symmetric<Dim, double>(lambda);
   const Coupling<Dim>& g = problem.coupling[cone];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/fingerprint.hpp"
+#include "talus/io/number.hpp"
 
 #include <Eigen/Core>
 
@@ -128,10 +129,13 @@ class ByteReader {
     const auto take = [&](auto& value) {
       if (text.starts_with(' '))
         text.remove_prefix(1);
-      const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
-      if (result.ec != std::errc())
-        fail("a number is missing in the line \"" + std::string(key) + "\"");
-      text.remove_prefix(static_cast<std::size_t>(result.ptr - text.data()));
+      const std::string_view word = text.substr(0, text.find(' '));
+      const auto number = parse_number<std::remove_reference_t<decltype(value)>>(word);
+      if (!number)
+        fail("\"" + std::string(word) + "\" in the line \"" + std::string(key) +
+             "\" is no number of its kind");
+      value = *number;
+      text.remove_prefix(word.size());
     };
     (take(values), ...);
     if (!text.empty())

@@ -176,7 +176,7 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   for (std::size_t p = 0; p < particles; ++p) {
     std::uint64_t id = 0;
     in.raw(id);
-    state.particles.id[p] = static_cast<std::size_t>(id);
+    state.particles.id[p] = id;
     in.raw(state.particles.volume[p]);
     in.raw(state.particles.position[p]);
     in.raw(state.particles.velocity[p]);

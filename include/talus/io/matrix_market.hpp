@@ -44,7 +44,8 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
   remove_impulses(problem, Stencil<Dim>(problem.grid));
 
   // Numbers the unknowns: components of velocities that can change.
-  std::vector<std::array<std::size_t, Dim>> unknown(problem.velocity.size());
+  std::vector<std::array<std::size_t, static_cast<std::size_t>(Dim)>> unknown(
+      problem.velocity.size());
   std::vector<double> mass, free;
   for (std::size_t j = 0; j < problem.velocity.size(); ++j)
     for (int a = 0; a < Dim; ++a)
@@ -71,7 +72,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
       fixed += value * problem.velocity[j][a];
   };
   for (std::size_t i = 0; i < problem.cones(); ++i) {
-    std::array<double, s> fixed{};
+    std::array<double, static_cast<std::size_t>(s)> fixed{};
     fixed[0] = problem.void_rate[i];
     for (int n = 0; n < Grid<Dim>::neighbours; ++n) {
       const std::size_t j =

@@ -169,7 +169,7 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     }
     if (!inside)
       in.fail("node " + std::to_string(node) + " is not on the grid");
-    return static_cast<int>(node);
+    return int{node};
   };
   for (std::size_t p = 0; p < points; ++p) {
     const std::size_t j = static_cast<std::size_t>(take_node());

@@ -56,12 +56,13 @@ struct VtkLayout<Number> {
   }
 };
 
-template <class Real, int Rows, int Cols>
+template <class Real, int Rows, int Cols, int Options> // users' matrices may be stored by rows
 requires((Rows == 2 || Rows == 3) &&
-         (Cols == 1 || Cols == Rows)) struct VtkLayout<Eigen::Matrix<Real, Rows, Cols>> {
+         (Cols == 1 || Cols == Rows)) struct VtkLayout<Eigen::Matrix<Real, Rows, Cols, Options>> {
   static constexpr int columns = Cols == 1 ? 1 : 3;
   static constexpr int components = 3 * columns;
-  static void append(std::vector<double>& values, const Eigen::Matrix<Real, Rows, Cols>& value) {
+  static void append(std::vector<double>& values,
+                     const Eigen::Matrix<Real, Rows, Cols, Options>& value) {
     for (int r = 0; r < 3; ++r)
       for (int c = 0; c < columns; ++c)
         values.push_back(r < Rows && c < Cols ? static_cast<double>(value(r, c)) : 0.0);

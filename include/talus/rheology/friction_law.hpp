@@ -48,7 +48,7 @@ class FrictionLaw {
  private:
   void check(double I) const {
     if (const double mu = law_(I); !(mu >= 0 && std::isfinite(mu)))
-      throw_invalid("rheology.law at I = " + std::to_string(I), mu, "a finite number >= 0");
+      throw_invalid("rheology.law at I = " + text_of(I), mu, "a finite number >= 0");
   }
 
   Law law_;

@@ -75,7 +75,7 @@ struct CollapseSetup {
       require_positive(from == 1 ? "width" : "length or height", channel[from]);
       if (from != 1 && cell[from] > channel[from])
         throw_invalid("a cell's edge", cell[from],
-                      "at most the channel's, " + std::to_string(channel[from]));
+                      "at most the channel's, " + text_of(channel[from]));
       params.size[a] = channel[from];
       params.cells[a] = std::max(1, static_cast<int>(std::lround(channel[from] / cell[from])));
     }

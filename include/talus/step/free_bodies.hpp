@@ -72,8 +72,7 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
     thickness = std::max(thickness, -2 * placed.distance(grid.node_position(node)));
   const double least = 2 * grid.spacing().minCoeff();
   if (!(thickness >= least))
-    throw_invalid("a body's thickness", thickness,
-                  "at least two cells, " + std::to_string(least) + " m");
+    throw_invalid("a body's thickness", thickness, "at least two cells, " + text_of(least) + " m");
   for_each_corner_gap(grid, faces, body, body.start, [&](std::size_t, int axis, bool, double gap) {
     if (gap < -1e-9 * grid.size()[axis])
       throw_invalid("the distance of a body's corner to a face", gap, ">= 0");

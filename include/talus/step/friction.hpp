@@ -51,7 +51,7 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
   for (std::size_t i = 0; i < problem.cones(); ++i) {
     const double mu = problem.friction[i];
     const bool some = cone_cohesion(rheology, problem, i) > 0;
-    count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0 : 1;
+    count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0U : 1U;
   }
   return count;
 }

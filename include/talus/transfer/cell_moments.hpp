@@ -19,7 +19,7 @@ namespace talus {
 /// The coupling of one node i with its 3^d neighbours j, a column of d numbers (m^(d−1)) for each:
 /// \f[ g_{ij} = \sum_p V_p\, N_i(x_p)\, ∇N_j(x_p). \f]
 template <int Dim>
-using Coupling = Eigen::Matrix<double, Dim, ipow(3, Dim)>;
+using Coupling = RectMat<Dim, ipow(3, Dim)>;
 
 /// All that the grid needs to know of the particles in a cell.
 ///

@@ -30,7 +30,7 @@ class CellOrder {
     list(particles, grid, threads);
     std::size_t misplaced = 0;
     for (std::size_t p = 1; p < cell_.size(); ++p)
-      misplaced += cell_[p] < cell_[p - 1] ? 1 : 0;
+      misplaced += cell_[p] < cell_[p - 1] ? 1U : 0U;
     if (16 * misplaced > particles.size()) {
       reorder(particles, threads);
       for (std::size_t k = 0; k < order_.size(); ++k)
