@@ -189,18 +189,17 @@ class Simulation {
         solve(report);
     const auto t3 = Clock::now();
     report.largest_fraction = largest_fraction(problem_, open_share_, material_volume_);
+    report.courant = courant_number(problem_, time_step_);
+    if (!std::isfinite(report.courant)) // whatever the solver says
+      report.solve.status = SolveStatus::not_finite;
     if (report.completed()) {
-      report.courant = courant_number(problem_, time_step_);
       torn_ = true; // an exception in the next call leaves it so
       grid_to_particles();
       torn_ = false;
       attempt.complete();
       keep_stresses();
       measure_wrenches(boundaries(), solved_step(), wrenches_);
-      const std::size_t out_before = bodies_outside();
-      move_bodies(params_.bodies, problem_, time_step_, bodies_);
-      const std::size_t out_now = bodies_outside();
-      report.bodies_left = out_now > out_before ? out_now - out_before : 0;
+      report.bodies_left = move_bodies(params_.bodies, problem_, time_step_, bodies_);
       const Outflow outflow = remove_outflow(params_.faces, grid_, particles_);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
@@ -545,14 +544,6 @@ class Simulation {
     const Vec<Dim> gained = change.template head<Dim>();
     set_free_velocities(params_.bodies, bodies_, gained, problem_);
     problem_.velocity_scale = std::max(change.norm(), 1e-3 * std::sqrt(largest2));
-  }
-
-  /// Free bodies that have left the box.
-  std::size_t bodies_outside() const {
-    std::size_t count = 0;
-    for (std::size_t b = 0; b < bodies_.state.size(); ++b)
-      count += has_left(grid_, bodies_.state[b].position, bodies_.reach[b]) ? 1 : 0;
-    return count;
   }
 
   /// Keeps λ per node for the next step's warm start, and for output.

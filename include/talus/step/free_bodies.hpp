@@ -149,12 +149,14 @@ void set_free_velocities(const std::vector<Body<Dim>>& bodies, const FreeBodies<
 }
 
 /// Moves the bodies on for `time` (s) with the velocities that the solve found. Without torque J ω
-/// stays: ω follows J, which turns with the body.
+/// stays: ω follows J, which turns with the body. Returns how many left the box.
 template <int Dim>
-void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem, double time,
-                 FreeBodies<Dim>& free) {
+std::size_t move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem,
+                        double time, FreeBodies<Dim>& free) {
+  std::size_t left = 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     RigidState<Dim>& body = free.state[b];
+    const bool was_out = has_left(problem.grid, body.position, free.reach[b]);
     body.velocity = problem.bodies[b].velocity;
     body.angular_velocity = problem.bodies[b].angular_velocity;
     const Spin<Dim> momentum =
@@ -163,7 +165,10 @@ void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& p
     if (Dim == 3 && bodies[b].rotates)
       body.angular_velocity =
           product<spin_size<Dim>>(in_box(body, free.inverse_inertia[b]), momentum);
+    if (!was_out && has_left(problem.grid, body.position, free.reach[b]))
+      ++left;
   }
+  return left;
 }
 
 } // namespace talus

@@ -72,14 +72,22 @@ double largest_fraction(const DualProblem<Dim>& problem, const std::vector<doubl
   return largest;
 }
 
-/// max |u_a| δt/h_a over the nodes that carry cones. time_step: δt, s.
+/// max |u_a| δt/h_a over the nodes that carry cones; not finite if one of their velocities or one
+/// of a body is not. time_step: δt, s.
 template <int Dim>
 double courant_number(const DualProblem<Dim>& problem, double time_step) {
   double largest = 0;
   for (const int node : problem.node)
-    for (int a = 0; a < Dim; ++a)
-      largest = std::max(largest, std::abs(problem.velocity[static_cast<std::size_t>(node)][a]) *
-                                      problem.grid.inverse_spacing()[a]);
+    for (int a = 0; a < Dim; ++a) {
+      const double rate = std::abs(problem.velocity[static_cast<std::size_t>(node)][a]) *
+                          problem.grid.inverse_spacing()[a];
+      if (!std::isfinite(rate))
+        return rate;
+      largest = std::max(largest, rate);
+    }
+  for (const FreeBody<Dim>& body : problem.bodies)
+    if (const double sum = body.velocity.sum() + body.angular_velocity.sum(); !std::isfinite(sum))
+      return sum;
   return largest * time_step;
 }
 

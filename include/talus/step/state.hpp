@@ -98,8 +98,16 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
   if (state.node_stress.size() != static_cast<std::size_t>(nodes))
     throw_invalid("the number of nodes of the state", state.node_stress.size(),
                   std::to_string(nodes));
+  for (const auto& stress : state.node_stress)
+    for (int k = 0; k < symmetric_size<Dim>; ++k)
+      require_finite("a node's stress of the state", stress[k]);
+  const auto check_impulse = [](const Contact<Dim>& contact) {
+    for (int a = 0; a < Dim; ++a)
+      require_finite("the impulse of a contact", contact.impulse[a]);
+  };
   const int sources = bounds.body_source(0);
   for (const Contact<Dim>& contact : state.contacts) {
+    check_impulse(contact);
     if (contact.node < 0 || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid");
     if (contact.source < 0 || contact.source >= sources)
@@ -111,6 +119,7 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
   for (const RigidState<Dim>& body : state.bodies)
     check_rigid_state("a body", body);
   for (const BodyContact<Dim>& contact : state.body_contacts) {
+    check_impulse(contact);
     if (contact.body < 0 || contact.body >= static_cast<int>(bounds.bodies.size()))
       throw_invalid("the body of a contact", contact.body, "a body of the simulation");
     const Body<Dim>& body = bounds.bodies[static_cast<std::size_t>(contact.body)];
