@@ -6,6 +6,7 @@
 #include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
@@ -13,6 +14,7 @@
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
 
+#include <algorithm>
 #include <compare>
 #include <cstddef>
 #include <vector>
@@ -146,10 +148,14 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
     }
     if (has_left(grid, state.position, bounds.body_reach[b]))
       continue; // there is no face out there
+    const FreeBody<Dim>& free = problem.bodies[b];
+    const double way =
+        time_step * (norm<Dim>(free.velocity) +
+                     norm<spin_size<Dim>>(free.angular_velocity) * bounds.body_reach[b]);
     for_each_corner_gap(
         grid, bounds.faces, body, state, [&](std::size_t c, int axis, bool upper, double gap) {
-          if (gap > grid.spacing()[axis])
-            return; // nothing crosses a cell in a step
+          if (gap > std::max(grid.spacing()[axis], 2 * way))
+            return; // it does not come there in this step
           const std::size_t s = static_cast<std::size_t>(axis);
           const Face& face = upper ? bounds.faces.upper[s] : bounds.faces.lower[s];
           BodyContact<Dim> touch;
