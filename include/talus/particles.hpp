@@ -28,11 +28,14 @@ struct Particles {
   /// #p; empty: all zero. Only a transfer that carries them (PolyPic) fills it.
   std::vector<MixedDerivatives<Dim, Real>> mixed;
   std::vector<Real> volume;    ///< V_p, #p, m^d: material volume at the dense packing
-  std::vector<std::size_t> id; ///< #p
+  std::vector<std::size_t> id; ///< #p, all different
+  std::size_t next_id = 0;     ///< of the next particle: what left keeps its number for ever
 
   std::size_t size() const { return position.size(); }
   bool empty() const { return position.empty(); }
 
+  /// Cuts off what is beyond `count`, or adds particles of volume 0 at the origin, with ids of
+  /// their own.
   void resize(std::size_t count) {
     position.resize(count, Vec<Dim>::Zero());
     velocity.resize(count, Vec<Dim, Real>::Zero());
@@ -40,7 +43,10 @@ struct Particles {
     if (!mixed.empty())
       resize_mixed(count);
     volume.resize(count, Real(0));
-    id.resize(count, 0);
+    const std::size_t before = id.size();
+    id.resize(count);
+    for (std::size_t p = before; p < count; ++p)
+      id[p] = next_id++;
   }
 
   /// Gives each of `count` particles mixed derivatives; zero if it has none yet.
@@ -54,10 +60,10 @@ struct Particles {
     if (!mixed.empty())
       resize_mixed(position.size());
     volume.push_back(static_cast<Real>(material_volume));
-    id.push_back(id.size());
+    id.push_back(next_id++);
   }
 
-  /// Copies particle `from` of `other` to place `to`.
+  /// Copies particle `from` of `other` to place `to`, with its id.
   void copy(std::size_t to, const Particles& other, std::size_t from) {
     position[to] = other.position[from];
     velocity[to] = other.velocity[from];

@@ -398,7 +398,7 @@ TEST_CASE("wrong input is refused by name and value") {
   bad = params;
   bad.grid.cells[1] = 0;
   CHECK(message(bad, particles).starts_with("grid.cells.y is 0"));
-  CHECK(message(params, {}).find("empty") != std::string::npos);
+  CHECK(message(params, {}).empty()); // a box may start empty
   auto outside = particles;
   outside.position[3][0] = 7;
   CHECK(message(params, outside).starts_with("a particle's coordinate is 7"));

@@ -33,6 +33,17 @@ template <class T>
                               "; allowed: " + std::string(allowed));
 }
 
+/// "x = (0.1, 0.2) m": where a user's function was called. x: a point, m.
+template <int Dim, class Point>
+std::string place_text(const Point& x) {
+  std::ostringstream text;
+  text.precision(10);
+  for (int a = 0; a < Dim; ++a)
+    text << (a == 0 ? "x = (" : ", ") << x[a];
+  text << ") m";
+  return text.str();
+}
+
 /// Throws std::invalid_argument unless `value` is finite and > 0.
 inline void require_positive(std::string_view name, double value) {
   if (!(std::isfinite(value) && value > 0))
