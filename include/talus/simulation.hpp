@@ -129,6 +129,9 @@ class Simulation {
     problem_.grid = grid_;
     problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
     problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
+    // so that the nodal fields are those of the particles before the first step, too
+    particles_to_grid();
+    collect_cones();
   }
 
   /// Advances by δt.
@@ -241,7 +244,8 @@ class Simulation {
     params_.gravity = gravity;
   }
 
-  // Nodal fields of the last step; index with grid().node(...).
+  // Nodal fields of the last step, before the first one those of the particles as they were given,
+  // without stress.
 
   /// φ_i: material volume at node i over the node's volume outside of obstacles and bodies; 1 is
   /// dense.
@@ -268,6 +272,13 @@ class Simulation {
 
   /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I.
   const DualProblem<Dim>& problem() const { return problem_; }
+
+  /// The policies, and what the solver keeps between steps: there a solver of one's own leaves
+  /// what is to be read after a step.
+  const RheologyT& rheology() const { return rheology_; }
+  const TransferT& transfer() const { return transfer_; }
+  const SolverT& solver() const { return solver_; }
+  const typename SolverT::template Workspace<Dim>& solver_workspace() const { return workspace_; }
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -27,7 +27,7 @@ struct Deposit {
 
 template <class Sim>
 Deposit deposit(const Sim& sim, const CollapseSetup& setup) {
-  const Profile profile = measure_profile(sim);
+  const Profile profile = measure_profile(sim, 0); // at the side wall, as the paper
   return {front_position(profile, setup.bed_depth + 0.002) - setup.column_length,
           profile.height.front() - setup.bed_depth};
 }

@@ -96,6 +96,22 @@ TEST_CASE("a user's law: a lambda, a struct, a function made at run time") {
   CHECK(AtRunTime({.law = [slope](double I) { return 0.3 + slope * std::min(I, 1.0); },
                    .inertial = beads})
             .friction(infinity) == doctest::Approx(0.5));
+  // a lambda with captures, which has no default and cannot be assigned
+  const auto line = [slope](double I) { return 0.3 + slope * std::min(I, 1.0); };
+  using Captures = FrictionLaw<decltype(line)>;
+  CHECK(Captures({.law = line, .inertial = beads}).friction(infinity) == doctest::Approx(0.5));
+  Simulation<2, Captures, Apic, GaussSeidel<>>::Params params;
+  params.rheology = {.law = line, .inertial = beads};
+  const auto copy = params;
+  CHECK(Captures(copy.rheology).friction(0.5) == doctest::Approx(0.4));
+  CHECK(refusal([] { return Captures({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
+  using Pointer = FrictionLaw<double (*)(double)>;
+  CHECK(Pointer({.law = [](double) { return 0.5; }, .inertial = beads}).friction(1) == 0.5);
+  CHECK(refusal([] { return Pointer({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
+  CHECK(refusal([] { return AtRunTime({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
   // what gives no friction somewhere is refused at once
   const auto refused = [](std::function<double(double)> law) {
     return refusal([&] { return AtRunTime({.law = law, .inertial = beads}); });
