@@ -92,9 +92,9 @@ class Run {
   /// name: of the program. label: what the progress bar calls the run. inputs: all that makes the
   /// run what it is. Throws std::invalid_argument for wrong options, and as Checkpoints does.
   Run(Sim& sim, std::string name, const RunOptions& options, json inputs, std::string label = {})
-      : sim_(sim), name_(std::move(name)), options_(options), inputs_(std::move(inputs)),
+      : sim_(sim), name_(std::move(name)), options_(options),
         out_((options.validate(), options.common.prepare_out())),
-        checkpoints_(out_, options.resume, inputs_), next_snapshot_(options.time_zero),
+        checkpoints_(out_, options.resume, std::move(inputs)), next_snapshot_(options.time_zero),
         progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
     if (sim.params().time_step > options.time_zero + options.end_time)
       talus::throw_invalid("time_step", sim.params().time_step, "at most the simulated time");
@@ -200,7 +200,8 @@ class Run {
   /// Is it time for a row of the table against time?
   bool sample_due() const { return sampled_ || last_; }
 
-  /// s, counted from options.time_zero: now, and before the last step, whose fields the grid shows.
+  /// s, counted from options.time_zero: now, and before the last step. The grid's fields are those
+  /// of the particles before it, so that tables of them have time_before().
   double time() const { return sim_.time() - options_.time_zero; }
   double time_before() const { return time_before_; }
   const talus::StepReport& report() const { return report_; }
@@ -208,8 +209,9 @@ class Run {
   double outflow_volume() const { return statistics_.outflow_volume(); }
   const fs::path& folder() const { return out_; }
 
-  std::function<void(double time)> on_snapshot; ///< what else to write
-  std::string text;                             ///< shown beside the progress bar
+  std::function<void(double time)>
+      on_snapshot;  ///< what else to write; time: that of the grid's fields
+  std::string text; ///< shown beside the progress bar
   std::string status = "completed";
 
   /// Ends the progress bar, closes the tables and writes summary.json: what all runs tell, and
@@ -221,7 +223,7 @@ class Run {
     json summary = {{"program", name_},
                     {"versions", versions()},
                     {"status", status},
-                    {"inputs", inputs_},
+                    {"inputs", checkpoints_.inputs()},
                     {"threads", sim_.params().threads},
                     {"solver", statistics_.solver_json()},
                     {"seconds", statistics_.phase_json()},
@@ -303,7 +305,7 @@ class Run {
   void snapshot(bool last) {
     write_section();
     if (on_snapshot)
-      on_snapshot(time());
+      on_snapshot(time_before_);
     if (options_.vtk == "all" || (last && options_.vtk == "last"))
       write_vtk(frames_.size());
     frames_.push_back(time());
@@ -322,7 +324,8 @@ class Run {
         node[0] = i;
         node[up] = k;
         const talus::Vec<dimension> x = grid.node_position(node);
-        sections_->row(time(), x[0], x[up], sim_.volume_fraction(node), sim_.velocity(node).norm());
+        sections_->row(time_before_, x[0], x[up], sim_.volume_fraction(node),
+                       sim_.velocity(node).norm());
       }
   }
 
@@ -367,7 +370,6 @@ class Run {
   Sim& sim_;
   std::string name_;
   RunOptions options_;
-  json inputs_;
   fs::path out_;
   Checkpoints checkpoints_;
   std::optional<json> earlier_; ///< notes of the checkpoint that the run goes on from

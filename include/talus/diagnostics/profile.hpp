@@ -164,6 +164,15 @@ double largest_speed(const Flow& flow) {
   return std::sqrt(largest);
 }
 
+/// Last coordinate of the highest particle, m; -infinity without any.
+template <class Flow>
+double highest_particle(const Flow& flow) {
+  double highest = -std::numeric_limits<double>::infinity();
+  for (const auto& x : flow.particles().position)
+    highest = std::max<double>(highest, x[up_axis<Flow::dimension>]);
+  return highest;
+}
+
 /// Largest x of the particles that are not faster than `speed` (m/s), m; -infinity without any.
 template <int Dim>
 double farthest_at_rest(const Particles<Dim>& particles, double speed) {
@@ -180,6 +189,8 @@ class RestDetector {
   /// threshold: m/s; hold: s without a speed above it that count as rest.
   RestDetector(double threshold, double hold) : threshold_(threshold), hold_(hold) {}
 
+  /// speed: m/s at `time`, s; infinity while something drives the material that will end, such as a
+  /// gate that has not left it.
   void update(double time, double speed) {
     time_ = time;
     if (!(speed <= threshold_))
