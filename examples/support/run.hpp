@@ -18,6 +18,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
@@ -26,6 +27,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -106,6 +108,8 @@ class Run {
     }
     earlier_ = checkpoints_.resume(sim_);
     fs::remove(summary_file()); // a summary always belongs to a finished run
+    if (!earlier_)
+      remove_frames();
     if (options_.vtk != "none") {
       fs::create_directories(out_ / "vtk");
       particle_series_.emplace(out_ / "particles.pvd");
@@ -188,9 +192,7 @@ class Run {
       return false;
     }
     last_ = sim_.time() >= last_time() - half_step();
-    sampled_ = time() + half_step() >= next_sample_;
-    if (sampled_)
-      next_sample_ += options_.sample_interval;
+    sampled_ = due(time(), options_.sample_interval, next_sample_);
     return true;
   }
 
@@ -263,16 +265,24 @@ class Run {
     talus::CsvWriter writer{};
   };
 
-  double half_step() const { return 0.5 * sim_.params().time_step; }
+  double half_step() const { return 0.5 * sim_.time_step(); }
+
+  /// Is it time for what is due at `next`, s? Then the next such time is later than now, however
+  /// long this step was.
+  bool due(double now, double interval, double& next) const {
+    const double late = now + half_step() - next;
+    if (!(late >= 0))
+      return false;
+    next += interval * (1 + std::floor(late / interval));
+    return true;
+  }
   double last_time() const { return options_.time_zero + options_.end_time; }
   double seconds() const { return earlier_seconds_ + stopwatch_.seconds(); }
   fs::path summary_file() const { return out_ / "summary.json"; }
 
   bool end_step() {
-    if (sim_.time() + half_step() >= next_snapshot_ || last_) {
+    if (due(sim_.time(), options_.snapshot_interval, next_snapshot_) || last_)
       snapshot(last_);
-      next_snapshot_ += options_.snapshot_interval;
-    }
     if (text.empty()) {
       char line[64];
       std::snprintf(line, sizeof line, "t = %.3f s, %d sweeps", time(), report_.solve.iterations);
@@ -327,6 +337,19 @@ class Run {
         sections_->row(time_before_, x[0], x[up], sim_.volume_fraction(node),
                        sim_.velocity(node).norm());
       }
+  }
+
+  /// Frames of an earlier run, which ParaView would show as a part of this one.
+  void remove_frames() const {
+    for (const char* series : {"particles.pvd", "grid.pvd"})
+      fs::remove(out_ / series);
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(out_ / "vtk", none)) {
+      const std::string name = entry.path().filename().string();
+      if ((name.starts_with("particles_") && name.ends_with(".vtp")) ||
+          (name.starts_with("grid_") && name.ends_with(".vti")))
+        fs::remove(entry.path());
+    }
   }
 
   /// kind: particles or grid.
