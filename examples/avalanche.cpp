@@ -175,7 +175,7 @@ int run(const Options& options) {
       const talus::StepReport report = sim.step();
       statistics.add(report);
       if (!report.completed()) {
-        status = "failed: the solver met numbers that are not finite";
+        status = "failed: " + std::string(report.why());
         break;
       }
       const double time = sim.time() - state.since;

@@ -60,6 +60,8 @@ class SolverStatistics {
     not_converged_ += report.solve.status != talus::SolveStatus::converged;
     local_misses_ += report.solve.local_misses;
     cones_max_ = std::max(cones_max_, report.cones);
+    fraction_max_ = std::max(fraction_max_, report.largest_fraction);
+    courant_max_ = std::max(courant_max_, report.courant);
     outflow_ += report.outflow;
     outflow_volume_ += report.outflow_volume;
     seconds_.to_grid += report.seconds.to_grid;
@@ -80,6 +82,8 @@ class SolverStatistics {
         {"iterations", iterations_},
         {"iterations_max", iterations_max_},
         {"residual_max", residual_max_},
+        {"fraction_max", fraction_max_},
+        {"courant_max", courant_max_},
         {"seconds", {seconds_.to_grid, seconds_.assembly, seconds_.solve, seconds_.to_particles}}};
   }
   void restore(const nlohmann::json& state) {
@@ -92,6 +96,8 @@ class SolverStatistics {
     state.at("iterations").get_to(iterations_);
     state.at("iterations_max").get_to(iterations_max_);
     state.at("residual_max").get_to(residual_max_);
+    state.at("fraction_max").get_to(fraction_max_);
+    state.at("courant_max").get_to(courant_max_);
     const auto& seconds = state.at("seconds");
     seconds_ = {seconds.at(0), seconds.at(1), seconds.at(2), seconds.at(3)};
   }
@@ -103,7 +109,8 @@ class SolverStatistics {
     return {{"iterations_mean", iterations_mean()}, {"iterations_max", iterations_max_},
             {"residual_max", residual_max_},        {"steps_not_converged", not_converged_},
             {"local_misses", local_misses_},        {"cones_max", cones_max_},
-            {"outflow_particles", outflow_}};
+            {"outflow_particles", outflow_},        {"fraction_max", fraction_max_},
+            {"courant_max", courant_max_}};
   }
   nlohmann::json phase_json() const {
     return {{"to_grid", seconds_.to_grid},
@@ -122,6 +129,8 @@ class SolverStatistics {
                 residual_max_);
     if (not_converged_ > 0)
       std::printf(", WARNING: %zu steps stopped above the tolerance", not_converged_);
+    if (fraction_max_ > 1.5)
+      std::printf(", WARNING: the fullest node holds %.1f times the dense volume", fraction_max_);
     std::printf("\n");
   }
 
@@ -132,7 +141,7 @@ class SolverStatistics {
   std::size_t steps_ = 0, not_converged_ = 0, local_misses_ = 0, cones_max_ = 0, outflow_ = 0;
   long iterations_ = 0;
   int iterations_max_ = 0;
-  double residual_max_ = 0, outflow_volume_ = 0;
+  double residual_max_ = 0, outflow_volume_ = 0, fraction_max_ = 0, courant_max_ = 0;
   talus::PhaseSeconds seconds_;
 };
 

@@ -174,7 +174,7 @@ class Run {
   }
 
   /// Finishes what belongs to the last step, then makes the next one. False after the last step, or
-  /// when the run must end (see status).
+  /// when the run must end (see status). Throws std::runtime_error if already the first step fails.
   bool advance() {
     return advance([](const auto&) {});
   }
@@ -188,9 +188,12 @@ class Run {
     report_ = sim_.step(before_solve);
     statistics_.add(report_);
     if (!report_.completed()) {
-      status = "failed: the solver met numbers that are not finite";
+      if (!completed_one_) // there is nothing to measure
+        throw std::runtime_error("the first step failed: " + std::string(report_.why()));
+      status = "failed: " + std::string(report_.why());
       return false;
     }
+    completed_one_ = true;
     last_ = sim_.time() >= last_time() - half_step();
     sampled_ = due(time(), options_.sample_interval, next_sample_);
     return true;
@@ -404,7 +407,7 @@ class Run {
   std::optional<talus::VtkSeries> particle_series_, grid_series_;
   std::vector<double> frames_; ///< times of the snapshots
   double next_sample_ = 0, next_snapshot_ = 0, earlier_seconds_ = 0, time_before_ = 0;
-  bool stepped_ = false, last_ = false, sampled_ = false;
+  bool stepped_ = false, completed_one_ = false, last_ = false, sampled_ = false;
   talus::StepReport report_;
   SolverStatistics statistics_;
   Stopwatch stopwatch_;

@@ -15,6 +15,8 @@
 #include "talus/dual/problem.hpp"
 #include "talus/packing.hpp"
 #include "talus/particles.hpp"
+#include "talus/rheology/cohesion.hpp"
+#include "talus/rheology/inertial_number.hpp"
 #include "talus/rheology/rheology.hpp"
 #include "talus/rheology/viscosity.hpp"
 #include "talus/solver/solver.hpp"
@@ -39,6 +41,7 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -87,8 +90,8 @@ class Simulation {
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
-  /// has no positive volume or a position or velocity that is not finite, or there is no particle
-  /// at all.
+  /// has no positive volume, a velocity that is not finite or the id of another. A box may be
+  /// empty.
   explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)), grid_(params_.grid), rheology_(params_.rheology),
         transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
@@ -106,6 +109,12 @@ class Simulation {
     if (params_.threads < 1)
       throw_invalid("threads", params_.threads, "an integer >= 1");
     params_.faces.validate();
+    if constexpr (RheologyT::rate_dependent)
+      InertialNumber(rheology_.inertial_number()).validate();
+    if constexpr (Cohesive<RheologyT>)
+      require_non_negative("rheology.cohesion()", rheology_.cohesion());
+    if constexpr (Viscous<RheologyT>)
+      Viscosity(rheology_.viscosity()).validate();
     time_step_ = params_.time_step;
     for (const auto& obstacle : params_.obstacles)
       if (!obstacle)
@@ -116,6 +125,10 @@ class Simulation {
 
     const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
     material_volume_.assign(nodes, 0);
+    last_.material_volume.assign(nodes, 0);
+    last_.velocity.assign(nodes, NodeVec<Dim>::Zero());
+    last_.inertial_number.assign(nodes, 0);
+    last_.open_share.assign(nodes, 1);
     velocity_before_.assign(nodes, NodeVec<Dim>::Zero());
     node_stress_.assign(nodes, Vec<cone_size>::Zero());
     inertial_number_.assign(nodes, 0);
@@ -134,7 +147,10 @@ class Simulation {
     collect_cones();
   }
 
-  /// Advances by δt.
+  /// Advances by δt, or leaves all as it was and says why (StepReport::completed(), why()). What
+  /// user code throws inside of it arrives here, from the lowest node, for any number of threads;
+  /// then, too, all is as before, but for the order of the particles, and the run can go on. Only
+  /// if the transfer's update throws, with the particles half moved, restore() must come first.
   StepReport step();
 
   /// The same, and calls before_solve(problem) with the dual problem as the solver gets it, warm
@@ -143,16 +159,25 @@ class Simulation {
   StepReport step(const BeforeSolve& before_solve) {
     StepReport report;
     const auto t0 = Clock::now();
+    require_whole();
+    Attempt attempt(*this);
     particles_to_grid();
     choose_time_step();
+    report.time_step = time_step_;
     const auto t1 = Clock::now();
-    collect_cones();
+    report.stands_still = !(time_ + time_step_ > time_);
+    if (report.stands_still) {
+      report.solve.status = SolveStatus::not_finite;
+      return report;
+    }
+    const double ratio = time_step_ / attempt.last_time_step();
+    collect_cones(ratio);
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), problem_);
-    collect_contacts(boundaries(), node_rank_, problem_, last_contacts_);
+    collect_contacts(boundaries(), node_rank_, {last_.contacts, ratio}, problem_);
     keep_from_obstacles();
-    collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_, problem_,
-                          last_body_contacts_);
+    collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_,
+                          {last_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_);
     if constexpr (Viscous<RheologyT>)
       report.viscous = viscous_solver_.solve(problem_, material_volume_, rheology_.viscosity(),
@@ -166,11 +191,18 @@ class Simulation {
              update_friction(report))
         solve(report);
     const auto t3 = Clock::now();
+    report.largest_fraction = largest_fraction(problem_, open_share_, material_volume_);
+    report.courant = courant_number(problem_, time_step_);
+    if (!std::isfinite(report.courant)) // whatever the solver says
+      report.solve.status = SolveStatus::not_finite;
     if (report.completed()) {
+      torn_ = true; // an exception in the next call leaves it so
+      grid_to_particles();
+      torn_ = false;
+      attempt.complete();
       keep_stresses();
       measure_wrenches(boundaries(), solved_step(), wrenches_);
-      grid_to_particles();
-      move_bodies(params_.bodies, problem_, time_step_, bodies_);
+      report.bodies_left = move_bodies(params_.bodies, problem_, time_step_, bodies_);
       const Outflow outflow = remove_outflow(params_.faces, grid_, particles_);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
@@ -193,23 +225,30 @@ class Simulation {
   /// Place and velocities of the free bodies, in the order of params().bodies.
   const std::vector<RigidState<Dim>>& bodies() const { return bodies_.state; }
 
-  // Force and torque of the last step, its mean over δt; zero before the first. What the material
-  // and free bodies do to a face of the box or an obstacle, and what material and faces do to a
-  // body (gravity left out). Where several faces that stick meet, they share the tangential force
-  // of their common nodes.
+  // Of the last step: forces, nodal fields and problem. They are no part of a state, so these
+  // functions throw std::invalid_argument before the first step and after restore().
+
+  // Force and torque, the mean over δt. What the material and free bodies do to a face of the box
+  // or an obstacle, and what material and faces do to a body (gravity left out). Where several
+  // faces that stick meet, they share the tangential force of their common nodes.
   const Wrench<Dim>& face_wrench(int axis, bool upper) const {
+    require_step("face_wrench");
     return wrenches_.at(static_cast<std::size_t>(Bounds::face_source(axis, upper)));
   }
   const Wrench<Dim>& obstacle_wrench(std::size_t obstacle) const {
+    require_step("obstacle_wrench");
     return wrenches_.at(static_cast<std::size_t>(boundaries().obstacle_source(obstacle)));
   }
   const Wrench<Dim>& body_wrench(std::size_t body) const {
+    require_step("body_wrench");
     return wrenches_.at(static_cast<std::size_t>(boundaries().body_source(body)));
   }
 
-  /// A view, valid until the next step.
+  /// A view, valid until the next step. Throws as step() does after an update of the particles that
+  /// did not come to its end.
   using StateView = SimulationStateView<Dim, ParticleReal>;
   StateView state() const {
+    require_whole();
     return {time_,
             steps_,
             time_step_,
@@ -222,8 +261,9 @@ class Simulation {
   }
 
   /// Goes on from `state`, which a simulation with the same grid, faces, obstacles and bodies had:
-  /// the next step gives the same bits as that one's. Throws std::invalid_argument, and changes
-  /// nothing, if a particle is refused (see the constructor) or the state does not fit the grid.
+  /// the next step gives the same bits as that one's. Forces, nodal fields and problem() are there
+  /// again after that step. Throws std::invalid_argument, and changes nothing, if a particle is
+  /// refused (see the constructor) or the state does not fit the grid.
   void restore(SimulationState<Dim, ParticleReal> state) {
     check_state(state, boundaries());
     time_ = state.time;
@@ -235,6 +275,7 @@ class Simulation {
     problem_.contacts = std::move(state.contacts);
     bodies_.state = std::move(state.bodies);
     problem_.body_contacts = std::move(state.body_contacts);
+    stepped_ = torn_ = false;
   }
 
   /// Changes gravity (m/s²) from the next step on: tilts the box.
@@ -250,15 +291,18 @@ class Simulation {
   /// φ_i: material volume at node i over the node's volume outside of obstacles and bodies; 1 is
   /// dense.
   double volume_fraction(const Index<Dim>& node) const {
+    require_step("volume_fraction");
     const std::size_t j = static_cast<std::size_t>(grid_.node(node));
     return material_volume_[j] / (open_share_[j] * grid_.node_volume(node));
   }
   /// u_i, m/s; zero where there is no material.
   Vec<Dim> velocity(const Index<Dim>& node) const {
+    require_step("velocity");
     return problem_.velocity[static_cast<std::size_t>(grid_.node(node))].template head<Dim>();
   }
   /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
+    require_step("stress");
     const Vec<cone_size>& impulse = node_stress_[static_cast<std::size_t>(grid_.node(node))];
     return std::min(1.0, volume_fraction(node)) / time_step_ *
            vector_to_symmetric<Dim, double>(impulse);
@@ -267,11 +311,16 @@ class Simulation {
   double pressure(const Index<Dim>& node) const { return stress(node).trace() / Dim; }
   /// I_i that the step's friction was taken at; 0 for a law that does not depend on it.
   double inertial_number(const Index<Dim>& node) const {
+    require_step("inertial_number");
     return inertial_number_[static_cast<std::size_t>(grid_.node(node))];
   }
 
-  /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I.
-  const DualProblem<Dim>& problem() const { return problem_; }
+  /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I. After a
+  /// step that was not completed its cones are those of that step.
+  const DualProblem<Dim>& problem() const {
+    require_step("problem");
+    return problem_;
+  }
 
   /// The policies, and what the solver keeps between steps: there a solver of one's own leaves
   /// what is to be read after a step.
@@ -286,12 +335,68 @@ class Simulation {
   static constexpr int cone_size = symmetric_size<Dim>;
   using Bounds = Boundaries<Dim>;
 
+  /// What a step overwrites and must give back if it is not completed: #nodes each.
+  struct LastStep {
+    std::vector<double> material_volume, inertial_number, open_share;
+    std::vector<NodeVec<Dim>> velocity;
+    std::vector<Contact<Dim>> contacts;
+    std::vector<BodyContact<Dim>> body_contacts;
+  };
+
+  /// One try to make a step. It works in the arrays of the step before the last and puts things
+  /// back when it ends without complete(), by an exception, say.
+  class Attempt {
+   public:
+    explicit Attempt(Simulation& sim) : sim_(sim), last_time_step_(sim.time_step_) {
+      sim.swap_last();
+    }
+    ~Attempt() {
+      if (completed_)
+        return;
+      sim_.swap_last();
+      sim_.time_step_ = last_time_step_;
+    }
+    Attempt(const Attempt&) = delete;
+    Attempt& operator=(const Attempt&) = delete;
+
+    void complete() { completed_ = sim_.stepped_ = true; }
+    double last_time_step() const { return last_time_step_; } ///< s
+
+   private:
+    Simulation& sim_;
+    double last_time_step_;
+    bool completed_ = false;
+  };
+
+  /// Exchanges the arrays that a step works in and those of the last one; does it twice: nothing.
+  void swap_last() noexcept {
+    std::swap(material_volume_, last_.material_volume);
+    std::swap(inertial_number_, last_.inertial_number);
+    std::swap(open_share_, last_.open_share);
+    std::swap(problem_.velocity, last_.velocity);
+    std::swap(problem_.contacts, last_.contacts);
+    std::swap(problem_.body_contacts, last_.body_contacts);
+  }
+
+  void require_whole() const {
+    if (torn_)
+      throw_invalid("the last update of the particles", "broken off by an exception",
+                    "restore() of a state first");
+  }
+
+  void require_step(const char* what) const {
+    if (!stepped_)
+      throw_invalid(std::string(what) + "(): the number of steps since the start or a restore", 0,
+                    "at least 1: it belongs to the last step");
+  }
+
   static double seconds(Clock::time_point from, Clock::time_point to) {
     return std::chrono::duration<double>(to - from).count();
   }
 
   Bounds boundaries() const {
-    return {grid_, params_.faces, params_.obstacles, params_.bodies, bodies_.state, time_};
+    return {grid_,         params_.faces, params_.obstacles, params_.bodies, bodies_.state,
+            bodies_.reach, time_};
   }
   SolvedStep<Dim> solved_step() const {
     return {problem_,
@@ -318,18 +423,16 @@ class Simulation {
     problem_.velocity = velocity_before_;
   }
 
-  /// Takes the warm start to the time step that cfl asks for.
   void choose_time_step() {
-    if (params_.cfl == 0)
-      return;
-    const double last = time_step_;
-    time_step_ = cfl_time_step(params_.cfl, params_.time_step, grid_, node_order_.nodes(),
-                               velocity_before_, bodies_, params_.gravity);
-    scale_impulses(time_step_ / last, node_stress_, problem_);
+    time_step_ = params_.cfl == 0
+                     ? params_.time_step
+                     : cfl_time_step(params_.cfl, params_.time_step, grid_, node_order_.nodes(),
+                                     velocity_before_, bodies_, params_.gravity);
   }
 
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
-  void collect_cones() {
+  /// ratio: this time step over the last: λ is a stress times δt.
+  void collect_cones(double ratio) {
     const double least_volume = params_.min_relative_mass * grid_.cell_volume();
     problem_.node.clear();
     for (const int node : node_order_.nodes()) {
@@ -343,7 +446,6 @@ class Simulation {
         node_cone_[j] = static_cast<int>(problem_.node.size());
         problem_.node.push_back(node);
       } else {
-        node_stress_[j].setZero();
         inertial_number_[j] = 0;
       }
     }
@@ -358,11 +460,11 @@ class Simulation {
     parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::ptrdiff_t i = begin; i < end; ++i)
-                        fill_cone(static_cast<std::size_t>(i));
+                        fill_cone(static_cast<std::size_t>(i), ratio);
                     });
   }
 
-  void fill_cone(std::size_t i) {
+  void fill_cone(std::size_t i, double ratio) {
     const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
     const Index<Dim> index = grid_.node_index(problem_.node[i]);
     Coupling<Dim>& g = problem_.coupling[i];
@@ -373,7 +475,7 @@ class Simulation {
     });
     open_share_[j] = open_share(boundaries(), grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
-    problem_.stress[i] = node_stress_[j];
+    problem_.stress[i] = ratio * node_stress_[j];
     // k_i = (v_i − Σ V_p N_i)/(d δt) I: the room that is left
     const double volume = problem_.volume[i];
     const double room = params_.packing.room(volume - material_volume_[j], volume);
@@ -445,6 +547,8 @@ class Simulation {
     }
     for (std::size_t b = 0; b < bodies_.state.size(); ++b) {
       const RigidState<Dim>& body = bodies_.state[b];
+      if (has_left(grid_, body.position, bodies_.reach[b]))
+        continue;
       const double speed = body.velocity.norm() + body.angular_velocity.norm() * bodies_.radius[b];
       largest2 = std::max(largest2, speed * speed);
     }
@@ -455,6 +559,9 @@ class Simulation {
 
   /// Keeps λ per node for the next step's warm start, and for output.
   void keep_stresses() {
+    for (const int node : node_order_.nodes())
+      if (node_cone_[static_cast<std::size_t>(node)] < 0)
+        node_stress_[static_cast<std::size_t>(node)].setZero();
     for (std::size_t i = 0; i < problem_.cones(); ++i) {
       Vec<cone_size>& stress = node_stress_[static_cast<std::size_t>(problem_.node[i])];
       stress = problem_.stress[i];
@@ -483,6 +590,8 @@ class Simulation {
   double time_ = 0;
   std::size_t steps_ = 0;
   double time_step_ = 0; ///< δt of this step, s
+  bool stepped_ = false; ///< there is a last step that fields and forces belong to
+  bool torn_ = false;    ///< the last update of the particles did not come to its end
 
   // Workspace, and what one step leaves for the next.
   CellOrder<Dim> order_;
@@ -495,8 +604,7 @@ class Simulation {
   Spreading spreading_;                       ///< of what is overpacked
   std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
   std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
-  std::vector<Contact<Dim>> last_contacts_;
-  std::vector<BodyContact<Dim>> last_body_contacts_;
+  LastStep last_;
   DualProblem<Dim> problem_;
   typename SolverT::template Workspace<Dim> workspace_;
   ViscousSolver<Dim> viscous_solver_;

@@ -125,7 +125,7 @@ int main() {
                   report.solve.residual.l2, report.solve.iterations);
       break;
     case talus::SolveStatus::not_finite: // the step was refused: particles and time are as before
-      std::printf("t = %.4f s: numbers are not finite\n", sim.time());
+      std::printf("t = %.4f s: %s\n", sim.time(), std::string(report.why()).c_str());
       return 1;
     }
     // [not-converged]

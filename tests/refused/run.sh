@@ -5,7 +5,7 @@
 #     sh tests/refused/run.sh COMPILER...
 #
 # The regular expression after "// says:" in each program must match a line of the message, which may
-# have 25 lines at most. A program that includes the same and is right must compile: else any
+# have 25 lines at most; "// flags:" are given to the compiler. A program that includes the same and is right must compile: else any
 # mistake elsewhere would pass for a refusal.
 set -eu
 
@@ -18,7 +18,8 @@ complain() { echo "FAILED  $*"; cat "$message"; status=1; }
 
 for compiler; do
   compile() {
-    "$compiler" -std=c++20 -fsyntax-only -I "$here/../../include" \
+    # shellcheck disable=SC2046 # flags are words
+    "$compiler" -std=c++20 -fsyntax-only $(sed -n 's,^// flags: ,,p' "$1") -I "$here/../../include" \
       -isystem "${EIGEN3_INCLUDE_DIR:-/usr/include/eigen3}" "$1" > "$message" 2>&1
   }
   compile "$here/../docs/first.cpp" || complain "$compiler: what is right does not compile"

@@ -3,6 +3,7 @@
 // nothing for the thread sanitizer to find (preset tsan builds this program alone).
 
 #include "talus/boundary/gate.hpp"
+#include "talus/core/parallel.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
@@ -12,8 +13,10 @@
 
 #include <doctest/doctest.h>
 
+#include <cstddef>
 #include <memory>
 #include <string>
+#include <vector>
 
 using namespace talus;
 
@@ -67,4 +70,40 @@ TEST_CASE("the same bits with one and four threads, 2-D") {
 
 TEST_CASE("the same bits with one and four threads, 3-D") {
   CHECK(slump<3>(4) == slump<3>(1));
+}
+
+TEST_CASE("the exception of the lowest item arrives, with any number of threads") {
+  for (const int threads : {1, 2, 4, 7})
+    for (const std::ptrdiff_t lowest : {0, 3, 50, 98}) {
+      const auto throws_from = [&](std::ptrdiff_t i) {
+        if (i >= lowest)
+          throw i;
+      };
+      std::ptrdiff_t caught = -1;
+      try {
+        parallel_for(threads, 99, throws_from);
+      } catch (std::ptrdiff_t i) {
+        caught = i;
+      }
+      CHECK(caught == lowest);
+      caught = -1;
+      try {
+        parallel_chunks(threads, 99, 8, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          for (std::ptrdiff_t i = begin; i < end; ++i)
+            throws_from(i);
+        });
+      } catch (std::ptrdiff_t i) {
+        caught = i;
+      }
+      CHECK(caught == lowest);
+      std::vector<double> partials;
+      CHECK_THROWS_AS(parallel_reduce(
+                          threads, 999, partials, 0.0,
+                          [&](std::ptrdiff_t begin, std::ptrdiff_t) {
+                            throws_from(begin);
+                            return 1.0;
+                          },
+                          [](double a, double b) { return a + b; }),
+                      std::ptrdiff_t);
+    }
 }

@@ -2,6 +2,9 @@
 // Checkpoints: a run goes on with the same bits, and nothing that is not one is taken for one.
 
 #include "talus/boundary/body.hpp"
+#include "talus/boundary/gate.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/io/checkpoint.hpp"
 #include "talus/rheology/laws.hpp"
@@ -15,7 +18,12 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
 
 using namespace talus;
 using support::contains, support::content, support::Folder, support::message_of;
@@ -192,7 +200,152 @@ TEST_CASE("a state that does not fit is refused and changes nothing") {
   bad.contacts.at(0).source = 99;
   CHECK(contains(refused(bad), "the source of a contact"));
   bad = state();
+  bad.contacts.at(0).impulse[1] = std::nan("");
+  CHECK(contains(refused(bad), "the impulse of a contact"));
+  bad = state();
+  bad.node_stress.at(40)[0] = std::nan("");
+  CHECK(contains(refused(bad), "a node's stress of the state"));
+  bad = state();
   bad.time_step = 0;
   CHECK(contains(refused(bad), "state.time_step"));
   CHECK(run.steps() == 2);
+}
+
+TEST_CASE("a file of any patch of the same minor version is read, of no other") {
+  const Folder folder;
+  auto run = collapse<2>(), other = collapse<2>();
+  checksum_after(run, 3);
+  const auto file = folder / "a.talus";
+  write_checkpoint(file, run);
+  const std::string good = content(file), version = std::string("version ") + TALUS_VERSION;
+  const auto with_version = [&](const std::string& wanted) {
+    std::string bytes = good.substr(0, good.size() - 8);
+    bytes.replace(bytes.find(version), version.size(), "version " + wanted);
+    Fingerprint fingerprint;
+    fingerprint.add(bytes);
+    detail::ByteWriter sealed;
+    sealed.text(bytes);
+    sealed.raw(fingerprint.value());
+    std::ofstream(file, std::ios::binary) << sealed.bytes();
+    return message_of<std::runtime_error>([&] { read_checkpoint(file, other); });
+  };
+  const std::string minor = version.substr(8, version.find_last_of('.') - 8);
+  CHECK(with_version(minor + ".7") == "(nothing thrown)");
+  CHECK(state_checksum(other.particles()) == state_checksum(run.particles()));
+  CHECK(contains(with_version(minor + "1.0"), "its version is " + minor + "1.0, this one's is"));
+  CHECK(contains(with_version("9.0.0"), "its version is 9.0.0"));
+  std::ofstream(file, std::ios::binary) << "talus-checkpoint 1\n";
+  CHECK(contains(message_of<std::runtime_error>([&] { read_checkpoint(file, other); }),
+                 "format of another version"));
+}
+
+namespace {
+
+/// A box with one obstacle, after three steps.
+Sim<2> with_obstacle(std::shared_ptr<const Obstacle<2>> obstacle) {
+  Sim<2>::Params params;
+  params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {20, 10}};
+  params.material.density = 1500;
+  params.gravity = {0, -9.81};
+  params.time_step = 1e-3;
+  params.obstacles = {std::move(obstacle)};
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.1, 0.12}, {.per_axis = 2});
+  Sim<2> sim(params, sand);
+  checksum_after(sim, 3);
+  return sim;
+}
+
+std::string message_between(const std::shared_ptr<const Obstacle<2>>& theirs,
+                            const std::shared_ptr<const Obstacle<2>>& ours) {
+  const Folder folder;
+  auto run = with_obstacle(theirs), other = with_obstacle(ours);
+  write_checkpoint(folder / "a.talus", run);
+  return message_of<std::runtime_error>([&] { read_checkpoint(folder / "a.talus", other); });
+}
+
+} // namespace
+
+TEST_CASE("a run does not go on with another obstacle") {
+  using Any = ShapeObstacle<2>;
+  const auto ball = [](double friction, double radius = 0.05) {
+    return make_obstacle<Any>(
+        {.shape = shapes::Ball<2>({0.25, 0.05}, radius), .friction = friction});
+  };
+  const std::string fine = "(nothing thrown)";
+  CHECK(message_between(ball(0.3), ball(0.3)) == fine);
+  CHECK(message_between(ball(0.3), ball(0.3 + 1e-15)) == fine); // as another machine has it
+  CHECK(contains(message_between(ball(0.3), make_obstacle<Any>(
+                                                {.shape = shapes::HalfSpace<2>({0, 0.01}, {0, 1}),
+                                                 .friction = 0.9})),
+                 "its obstacle.0 is another than this simulation's: the shape or motion differ"));
+  CHECK(contains(message_between(ball(0.3), ball(0.31)), "the friction differ"));
+  CHECK(contains(message_between(ball(0.3), ball(0.3, 0.051)), "differ"));
+
+  const auto turning = [](double rate) {
+    RigidState<2> start;
+    start.position = {0.25, 0.05};
+    start.angular_velocity[0] = rate;
+    return make_obstacle<Any>({.shape = shapes::Ball<2>({0, 0}, 0.05),
+                               .friction = 0.3,
+                               .motion = steady_motion<2>(start)});
+  };
+  CHECK(message_between(turning(2), turning(2)) == fine);
+  CHECK(contains(message_between(turning(2), turning(2.1)), "the velocities differ"));
+
+  const auto gate = [](double opening) {
+    Gate<2>::Params params{.position = 0.1, .friction = 0.2};
+    params.motion.opening_time = opening;
+    return make_obstacle<Gate<2>>(params);
+  };
+  CHECK(message_between(gate(0.5), gate(0.5)) == fine);
+  CHECK(contains(message_between(gate(0.5), gate(0.6)), "differ")); // long after the checkpoint
+
+  // A motion that ends: it may throw, or give what is no motion, beyond what the run needs.
+  const auto ending = [](double end) {
+    return make_obstacle<Any>({.shape = shapes::Ball<2>({0.25, 0.05}, 0.05),
+                               .friction = 0.3,
+                               .motion = [end](double time) {
+                                 if (time > end)
+                                   throw std::runtime_error("the table ends");
+                                 return RigidState<2>();
+                               }});
+  };
+  CHECK(message_between(ending(0.1), ending(0.1)) == fine);
+  CHECK(contains(message_between(ending(0.1), ending(1)), "differ"));
+}
+
+TEST_CASE("a run does not go on with another body") {
+  const auto make = [](const auto& change) {
+    Sim<2>::Params params;
+    params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {20, 10}};
+    params.material.density = 1500;
+    params.gravity = {0, -9.81};
+    params.time_step = 1e-3;
+    params.bodies = {block_body<2>({0.3, 0.1}, {0.06, 0.06}, 2600, 0.3)};
+    change(params.bodies[0]);
+    return Sim<2>(params, {});
+  };
+  const Folder folder;
+  auto run = make([](auto&) {});
+  write_checkpoint(folder / "a.talus", run);
+  const auto message = [&](const auto& change) {
+    auto other = make(change);
+    return message_of<std::runtime_error>([&] { read_checkpoint(folder / "a.talus", other); });
+  };
+  CHECK(message([](auto&) {}) == "(nothing thrown)");
+  CHECK(message([](auto& body) { body.start.position[0] = 0.2; }) == "(nothing thrown)");
+  CHECK(contains(message([](auto& body) {
+                   body.shape = shapes::Ball<2>({0, 0}, 0.03);
+                 }),
+                 "its bodies.0.shape is another"));
+  CHECK(contains(message([](auto& body) { body.inertia *= 2; }), "its bodies.0.inertia.00 is"));
+  CHECK(contains(message([](auto& body) { body.rotates = false; }), "its bodies.0.rotates is 1"));
+  CHECK(
+      contains(message([](auto& body) { body.corners.pop_back(); }), "its bodies.0.corners is 4"));
+  CHECK(
+      contains(message([](auto& body) { body.corners[1][0] *= 0.9; }), "its bodies.0.corner.1.x"));
+  CHECK(contains(message([](auto& body) { body.corner_radius = 1e-3; }),
+                 "its bodies.0.corner_radius"));
+  CHECK(contains(message([](auto& body) { body.friction = 0.4; }), "its bodies.0.friction is 0.3"));
 }

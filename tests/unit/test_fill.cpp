@@ -8,6 +8,8 @@
 #include "talus/scene/fill.hpp"
 #include "talus/scene/region.hpp"
 
+#include "../support/files.hpp"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -15,6 +17,7 @@
 #include <limits>
 #include <numbers>
 #include <stdexcept>
+#include <string>
 
 using namespace talus;
 
@@ -169,5 +172,83 @@ TEST_CASE("regions that hold nothing are refused") {
   refused(Box<2>{{0.2, 0.299}, {0.7, 0.3005}}, {}); // too thin for 1/12 of a cell
   refused(Ball<2>{{0.5, 0.5}, 0.3}, {.per_axis = 0});
   refused(Ball<2>{{0.5, 0.5}, 0.3}, {.jitter = 1.5});
+  CHECK(particles.empty());
+}
+
+TEST_CASE("what holds particles already is not filled again") {
+  Particles<2> particles;
+  const Seeding seeding{.per_axis = 2};
+  const auto refused = [&](const auto& fill_again) {
+    const std::size_t before = particles.size();
+    const std::string message = support::message_of<std::invalid_argument>(fill_again);
+    CHECK(particles.size() == before);
+    return message;
+  };
+  fill_box<2>(particles, grid<2>(), {0.1, 0.1}, {0.4, 0.4}, seeding);
+  CHECK(support::contains(refused([&] {
+                            fill_box<2>(particles, grid<2>(), {0.1, 0.1}, {0.4, 0.4}, seeding);
+                          }),
+                          "fill_box: the number of particles that are there already is 72"));
+  CHECK(support::contains(refused([&] {
+                            fill(particles, grid<2>(), Ball<2>{{0.4, 0.4}, 0.2}, seeding);
+                          }),
+                          "fill: the number of particles that are there already"));
+  for (const Pattern pattern : patterns) { // side by side is fine
+    Particles<2> sides;
+    const Seeding with{.per_axis = 3, .pattern = pattern, .jitter = 1};
+    fill_box<2>(sides, grid<2>(), {0, 0}, {0.3, 0.3}, with);
+    fill_box<2>(sides, grid<2>(), {0.3, 0}, {0.6, 0.3}, with);
+    fill_box<2>(sides, grid<2>(), {0, 0.3}, {0.6, 0.4}, with);
+    fill(sides, grid<2>(), Ball<2>{{0.7, 0.7}, 0.2}, with);
+    fill(
+        sides, grid<2>(), [](const Vec<2>& x) { return x[0] < 0.4 && x[1] > 0.4; }, with);
+    CHECK(sides.size() > 200);
+  }
+}
+
+TEST_CASE("a region that gives no distance, or throws, is told and leaves no particles") {
+  struct Holed {
+    double distance(const Vec<2>& x) const {
+      return x[0] > 0.5 ? std::numeric_limits<double>::quiet_NaN() : x[0] - 0.8;
+    }
+  };
+  struct Throwing {
+    double distance(const Vec<2>& x) const {
+      if (x[0] > 0.5)
+        throw std::runtime_error("no distance");
+      return x[0] - 0.8;
+    }
+  };
+  const Ball<2> ball{{0.7, 0.5}, 0.2};
+  for (const Pattern pattern : patterns) {
+    Particles<2> particles;
+    const Seeding seeding{.per_axis = 2, .pattern = pattern};
+    const auto refused = [&](const auto& region) {
+      return support::message_of<std::invalid_argument>(
+          [&] { fill(particles, grid<2>(), region, seeding); });
+    };
+    CHECK(support::contains(refused(Holed{}), "a shape's distance at x = (0.5"));
+    CHECK(support::contains(refused(shapes::Union(ball, Holed{})), "a shape's distance"));
+    CHECK(support::contains(refused(shapes::Union(Holed{}, ball)), "a shape's distance"));
+    CHECK(support::contains(refused(shapes::Intersection(ball, Holed{})), "a shape's distance"));
+    CHECK(support::contains(refused(shapes::Intersection(Holed{}, ball)), "a shape's distance"));
+    CHECK(support::contains(refused(shapes::difference(ball, Holed{})), "a shape's distance"));
+    CHECK_THROWS_AS(fill(particles, grid<2>(), Throwing{}, seeding), std::runtime_error);
+    CHECK(particles.empty());
+  }
+}
+
+TEST_CASE("a region of sample points without volume is refused, not sought for ever") {
+  // the samples of a share at per_axis = 1 lie at 1/8, 3/8, ... of a cell
+  const auto dust = [](const Vec<2>& x) {
+    const double place = 80 * x[0];
+    return std::abs(place - std::round(place)) < 1e-9 && std::abs(x[1] - 0.50625) < 1e-9;
+  };
+  Particles<2> particles;
+  CHECK(support::contains(support::message_of<std::invalid_argument>([&] {
+                            fill(particles, grid<2>(), dust,
+                                 {.per_axis = 1, .pattern = Pattern::random});
+                          }),
+                          "all outside of the region"));
   CHECK(particles.empty());
 }

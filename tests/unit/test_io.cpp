@@ -201,6 +201,29 @@ TEST_CASE("VTK: the series lists its frames relative to itself") {
   CHECK_FALSE(fs::exists(folder / "run.pvd.tmp"));
 }
 
+TEST_CASE("VTK: a series goes on after a resume, without the frames of what was lost") {
+  const Folder folder;
+  const fs::path list = folder / "run.pvd";
+  {
+    talus::VtkSeries series(list);
+    for (const double time : {0.0, 0.1, 1e-7 + 0.2, 0.3})
+      series.add(time, folder / "p&.vtp");
+  }
+  const std::string all = content(list);
+  talus::VtkSeries::resume(list, 0.3);
+  CHECK(content(list) == all);
+  auto series = talus::VtkSeries::resume(list, 1e-7 + 0.2);
+  CHECK_FALSE(contains(content(list), "0.3"));
+  series.add(0.3, folder / "p&.vtp");
+  CHECK(content(list) == all);
+  talus::VtkSeries::resume(folder / "new.pvd", 0);
+  CHECK(contains(content(folder / "new.pvd"), "<Collection>\n</Collection>"));
+  std::ofstream(folder / "other.pvd") << "a letter\n";
+  CHECK_THROWS_AS(talus::VtkSeries::resume(folder / "other.pvd", 0), std::runtime_error);
+  CHECK_THROWS_AS(talus::VtkSeries::resume(list, std::nan("")), std::invalid_argument);
+  CHECK(content(folder / "other.pvd") == "a letter\n");
+}
+
 TEST_CASE("VTK: errors in writing name the file and the reason") {
   const Folder folder;
   const std::vector<Vec<2>> none;

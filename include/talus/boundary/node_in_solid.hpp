@@ -25,11 +25,12 @@ struct NodeInSolid {
 /// outside must not have a corner that is pushed to the other side, or material leaks through. So a
 /// solid must be 2 H thick, and where it is thinner (measured by the distance H below the surface)
 /// it counts as that. The open share is the part of a hat function of width H along n on the outer
-/// side, 1/2 + s (1 − |s|/2), s = distance/H in [−1, 1].
+/// side, 1/2 + s (1 − |s|/2), s = distance/H in [−1, 1]. Throws std::invalid_argument where the
+/// solid gives no distance.
 template <int Dim, SignedDistance<Dim> S>
 NodeInSolid<Dim> node_in_solid(const S& solid, const Vec<Dim>& x, const Vec<Dim>& spacing) {
   NodeInSolid<Dim> node;
-  double distance = solid.distance(x);
+  double distance = distance_to<Dim>(solid, x);
   double edges = 0;
   for (int a = 0; a < Dim; ++a)
     edges += spacing[a];
@@ -40,7 +41,7 @@ NodeInSolid<Dim> node_in_solid(const S& solid, const Vec<Dim>& x, const Vec<Dim>
   for (int a = 0; a < Dim; ++a)
     reach += std::abs(node.normal[a]) * spacing[a];
   const Vec<Dim> below = plus_scaled<Dim>(x, -(distance + reach), node.normal);
-  distance -= std::max(0.0, reach + solid.distance(below)) / 2;
+  distance -= std::max(0.0, reach + distance_to<Dim>(solid, below)) / 2;
   const double s = std::clamp(distance / reach, -1.0, 1.0);
   node.open_share = 0.5 + s * (1 - std::abs(s) / 2);
   node.contact = s <= 0.5 + 1e-9; // positions are sums of rounded numbers

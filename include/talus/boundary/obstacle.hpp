@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
+#include <cmath>
+#include <cstddef>
 #include <memory>
 #include <optional>
+#include <string>
 #include <utility>
 
 namespace talus {
@@ -18,7 +22,8 @@ struct ObstacleContact {
 };
 
 /// A rigid thing in the box whose motion is a given function of time. Nodes on or in it become
-/// Coulomb contacts, solved together with the stresses. Derive from it for obstacles of your own.
+/// Coulomb contacts, solved together with the stresses. Derive from it for obstacles of your own:
+/// what they give is checked, and what they throw arrives at the caller of step().
 template <int Dim>
 class Obstacle {
  public:
@@ -38,6 +43,37 @@ class Obstacle {
     return 1;
   }
 };
+
+/// Throws std::invalid_argument unless the normal is a unit vector, to a millionth, the velocity is
+/// finite and the friction is finite and >= 0. number: of the obstacle; x: of the node, m.
+template <int Dim>
+void check_contact(std::size_t number, const Vec<Dim>& x, const ObstacleContact<Dim>& contact) {
+  double normal2 = 0, speed2 = 0;
+  for (int a = 0; a < Dim; ++a) {
+    normal2 += contact.normal[a] * contact.normal[a];
+    speed2 += contact.velocity[a] * contact.velocity[a];
+  }
+  const auto refuse = [&](const char* what, double value, const char* allowed) {
+    throw_invalid("obstacle " + std::to_string(number) + ": contact at " + place_text<Dim>(x) +
+                      ": " + what,
+                  value, allowed);
+  };
+  if (!(std::abs(normal2 - 1) <= 2e-6))
+    refuse("|normal|", std::sqrt(normal2), "1");
+  if (!std::isfinite(speed2))
+    refuse("|velocity|", std::sqrt(speed2), "a finite number");
+  if (!(contact.friction >= 0 && std::isfinite(contact.friction)))
+    refuse("friction", contact.friction, "a finite number >= 0");
+}
+
+/// Throws std::invalid_argument unless 0 <= share <= 1, to a millionth. number: of the obstacle; x:
+/// of the node, m.
+template <int Dim>
+void check_open_share(std::size_t number, const Vec<Dim>& x, double share) {
+  if (!(share >= -1e-6 && share <= 1 + 1e-6))
+    throw_invalid("obstacle " + std::to_string(number) + ": open_share at " + place_text<Dim>(x),
+                  share, "a number in [0, 1]");
+}
 
 /// An obstacle to put into Simulation::Params: make_obstacle<Gate<2>>({.position = 0.1}). Throws as
 /// its constructor does.

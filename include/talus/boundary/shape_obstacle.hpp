@@ -32,9 +32,14 @@ class ShapeObstacle final : public Obstacle<Dim> {
     require_non_negative("shape_obstacle.friction", params_.friction);
   }
 
-  /// Place and velocities at `time` (s).
+  /// Place and velocities at `time` (s). Throws std::invalid_argument if the motion gives a number
+  /// that is not finite, or no rotation.
   RigidState<Dim> state(double time) const {
-    return params_.motion ? params_.motion(time) : RigidState<Dim>();
+    if (!params_.motion)
+      return {};
+    const RigidState<Dim> now = params_.motion(time);
+    check_rigid_state("shape_obstacle.motion", now);
+    return now;
   }
 
   std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,

@@ -137,14 +137,15 @@ class Cylinder {
   double half_length_, radius_;
 };
 
-/// What is in A or in B: min(a, b).
+/// What is in A or in B: min(a, b), not a number if one of them is not.
 template <class A, class B>
 class Union {
  public:
   Union(A a, B b) : a_(std::move(a)), b_(std::move(b)) {}
   template <class Point>
   double distance(const Point& x) const {
-    return std::min<double>(a_.distance(x), b_.distance(x));
+    const double a = a_.distance(x), b = b_.distance(x);
+    return a < b || std::isnan(a) ? a : b;
   }
 
  private:
@@ -152,14 +153,15 @@ class Union {
   B b_;
 };
 
-/// What is in A and in B: max(a, b).
+/// What is in A and in B: max(a, b), not a number if one of them is not.
 template <class A, class B>
 class Intersection {
  public:
   Intersection(A a, B b) : a_(std::move(a)), b_(std::move(b)) {}
   template <class Point>
   double distance(const Point& x) const {
-    return std::max<double>(a_.distance(x), b_.distance(x));
+    const double a = a_.distance(x), b = b_.distance(x);
+    return a > b || std::isnan(a) ? a : b;
   }
 
  private:

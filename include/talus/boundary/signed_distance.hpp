@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
+#include <cmath>
 #include <concepts>
 #include <functional>
+#include <limits>
 #include <utility>
 
 namespace talus {
@@ -22,6 +25,17 @@ concept SignedDistance = std::copy_constructible<S> && requires(const S s, const
   { s.distance(x) } -> std::convertible_to<double>;
 };
 
+/// s.distance(x), m. Throws std::invalid_argument where that is none: every comparison with NaN is
+/// false, so that a solid which gives NaN would silently not be there.
+template <int Dim, class S>
+double distance_to(const S& solid, const Vec<Dim>& x) {
+  const double distance = solid.distance(x);
+  if (!(distance > -std::numeric_limits<double>::infinity()))
+    throw_invalid("a shape's distance at " + place_text<Dim>(x), distance,
+                  "a number, or infinity far away");
+  return distance;
+}
+
 /// Any model of SignedDistance, with its type forgotten.
 template <int Dim>
 class Shape {
@@ -32,9 +46,10 @@ class Shape {
   requires(!std::same_as<S, Shape>) &&
       SignedDistance<S, Dim> Shape(
           S shape) // NOLINT(google-explicit-constructor): a solid is a Shape
-      : distance_([s = std::move(shape)](const Vec<Dim>& x) -> double { return s.distance(x); }) {}
+      : distance_([s = std::move(shape)](const Vec<Dim>& x) { return distance_to<Dim>(s, x); }) {}
 
   bool empty() const { return !distance_; }
+  /// m; throws as distance_to.
   double distance(const Vec<Dim>& x) const { return distance_(x); }
 
  private:
@@ -55,13 +70,13 @@ struct Placed {
 template <int Dim, SignedDistance<Dim> S>
 Vec<Dim> surface_normal(const S& solid, const Vec<Dim>& x, double step) {
   Vec<Dim> central, forward;
-  const double here = solid.distance(x);
+  const double here = distance_to<Dim>(solid, x);
   for (int a = 0; a < Dim; ++a) {
     Vec<Dim> shifted = x;
     shifted[a] = x[a] + step;
-    const double above = solid.distance(shifted);
+    const double above = distance_to<Dim>(solid, shifted);
     shifted[a] = x[a] - step;
-    central[a] = (above - solid.distance(shifted)) / (2 * step);
+    central[a] = (above - distance_to<Dim>(solid, shifted)) / (2 * step);
     forward[a] = (above - here) / step;
   }
   for (const Vec<Dim>& gradient : {central, forward})

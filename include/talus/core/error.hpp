@@ -11,6 +11,10 @@
 /// Misuse is refused at construction, with a message that names the thing, its value and what is
 /// allowed.
 
+#if !defined(__cpp_exceptions)
+#error "talus tells mistakes by exceptions: compile without -fno-exceptions"
+#endif
+
 namespace talus {
 
 /// Throws std::invalid_argument: "`name` is `value`; allowed: `allowed`".
@@ -20,6 +24,17 @@ template <class T>
   message.precision(10);
   message << name << " is " << value << "; allowed: " << allowed;
   throw std::invalid_argument(message.str());
+}
+
+/// "x = (0.1, 0.2) m": where a user's function was called. x: a point, m.
+template <int Dim, class Point>
+std::string place_text(const Point& x) {
+  std::ostringstream text;
+  text.precision(10);
+  for (int a = 0; a < Dim; ++a)
+    text << (a == 0 ? "x = (" : ", ") << x[a];
+  text << ") m";
+  return text.str();
 }
 
 /// Throws std::invalid_argument unless `value` is finite and > 0.

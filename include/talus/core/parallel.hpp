@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <exception>
+#include <limits>
+#include <mutex>
 #include <vector>
 
 #ifdef _OPENMP
@@ -16,7 +19,7 @@
 
 namespace talus {
 
-/// Largest number of threads that `Threads` may ask for on this machine; 1 without OpenMP.
+/// Largest number of threads worth asking for on this machine; 1 without OpenMP.
 inline int available_threads() {
 #ifdef _OPENMP
   return omp_get_num_procs();
@@ -25,14 +28,48 @@ inline int available_threads() {
 #endif
 }
 
-/// Calls body(i) for 0 ≤ i < count, each once, in any order, on up to `threads` threads.
+namespace detail {
+
+/// Keeps the exception of the lowest item out of a loop on threads, where it must not leave its
+/// thread.
+class FirstException {
+ public:
+  void keep(std::ptrdiff_t item) noexcept {
+    const std::lock_guard lock(mutex_);
+    if (item < item_) {
+      item_ = item;
+      exception_ = std::current_exception();
+    }
+  }
+  void rethrow() const {
+    if (exception_)
+      std::rethrow_exception(exception_);
+  }
+
+ private:
+  std::mutex mutex_;
+  std::ptrdiff_t item_ = std::numeric_limits<std::ptrdiff_t>::max();
+  std::exception_ptr exception_;
+};
+
+} // namespace detail
+
+/// Calls body(i) for 0 ≤ i < count, each once, in any order, on up to `threads` threads. If some
+/// throw, the exception of the lowest i arrives at the caller, for any number of threads; whether
+/// the body was called for items above that one is open.
 template <class Body>
 void parallel_for(int threads, std::ptrdiff_t count, const Body& body) {
 #ifdef _OPENMP
   if (threads > 1 && count > 1) {
+    detail::FirstException first;
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (std::ptrdiff_t i = 0; i < count; ++i)
-      body(i);
+      try {
+        body(i);
+      } catch (...) {
+        first.keep(i);
+      }
+    first.rethrow();
     return;
   }
 #endif

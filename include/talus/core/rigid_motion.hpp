@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/error.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
 #include <cmath>
 #include <functional>
+#include <string>
+#include <string_view>
 
 /// \file
 /// Place and velocity of a rigid body. Rotations about the one axis of 2-D are Spin<2>, a vector of
@@ -108,6 +111,24 @@ struct RigidState {
     }
   }
 };
+
+/// Throws std::invalid_argument unless all is finite and the rotation is one. name: whose state.
+template <int Dim>
+void check_rigid_state(std::string_view name, const RigidState<Dim>& state) {
+  const auto require = [&](const char* what, double value) {
+    if (!std::isfinite(value))
+      throw_invalid(std::string(name) + what, value, "a finite number");
+  };
+  for (int a = 0; a < Dim; ++a) {
+    require("'s position", state.position[a]);
+    require("'s velocity", state.velocity[a]);
+  }
+  for (int a = 0; a < spin_size<Dim>; ++a)
+    require("'s angular velocity", state.angular_velocity[a]);
+  const double error = orthogonality_error<Dim>(state.rotation);
+  if (!(error < 1e-9))
+    throw_invalid(std::string(name) + "'s |R Rᵀ - I|", error, "a rotation, < 1e-9");
+}
 
 /// A motion that is known beforehand: the state at a time in s. It must be a function of time
 /// alone, may be called from several threads, and its velocities must be the rates of its place.

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -264,6 +265,34 @@ class VtkSeries {
 
   /// Writes a list without frames to `path`, replacing what is there.
   explicit VtkSeries(std::filesystem::path path) : path_(std::move(path)) { write(); }
+
+  /// Goes on with the list at `path` after a resume: frames up to `time` (s) stay, later ones, of
+  /// what was done after the checkpoint, are taken out; a list that is not there is begun. Throws
+  /// std::runtime_error if there is a file that VtkSeries did not write.
+  static VtkSeries resume(std::filesystem::path path, double time) {
+    require_finite("the time of a resume", time);
+    VtkSeries series;
+    series.path_ = std::move(path);
+    std::ifstream file(series.path_);
+    std::string line;
+    for (bool first = true; std::getline(file, line); first = false) {
+      constexpr std::string_view frame = "<DataSet timestep=\"";
+      double at = 0;
+      if (first && !line.starts_with("<?xml"))
+        throw std::runtime_error("cannot read " + series.path_.string() +
+                                 ": it is no list of frames");
+      if (!line.starts_with(frame))
+        continue;
+      const char* const number = line.data() + frame.size();
+      const auto read = std::from_chars(number, line.data() + line.size(), at);
+      if (read.ec != std::errc() || *read.ptr != '"')
+        throw std::runtime_error("cannot read " + series.path_.string() + ": " + line);
+      if (at <= time)
+        series.frames_ += line + '\n';
+    }
+    series.write();
+    return series;
+  }
 
   /// Adds a file that is already written. time: s, finite; file: its path, as given to the function
   /// that wrote it. Throws std::runtime_error if the list cannot be written.

@@ -12,6 +12,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace talus {
@@ -55,10 +56,21 @@ class Random {
   std::uint64_t state_;
 };
 
+/// Throws std::invalid_argument if there are particles in what is to be filled: what is filled
+/// twice is twice as dense as dense. what: is filled; inside(x): Vec<Dim> in m → bool.
+template <int Dim, class Real, class Inside>
+void require_no_particles(const Particles<Dim, Real>& particles, const char* what,
+                          const Inside& inside) {
+  const auto count = std::count_if(particles.position.begin(), particles.position.end(), inside);
+  if (count > 0)
+    throw_invalid(std::string(what) + ": the number of particles that are there already", count,
+                  "0: what is filled twice is too dense");
+}
+
 /// Fills the box from `lower` to `upper` (m) with particles at rest whose volumes sum up to the
 /// box's exactly. The lattice is fitted to the box, at about seeding.per_axis particles per cell
-/// edge. Returns the number added. Throws std::invalid_argument if the box is empty or leaves the
-/// grid.
+/// edge. Returns the number added. Throws std::invalid_argument if the box is empty, leaves the
+/// grid or holds particles already.
 template <int Dim, class Real>
 std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const Vec<Dim>& lower,
                      const Vec<Dim>& upper, const Seeding& seeding) {
@@ -76,6 +88,9 @@ std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, con
                                                         seeding.per_axis)));
     total *= static_cast<std::size_t>(count[a]);
   }
+  require_no_particles(particles, "fill_box", [&](const Vec<Dim>& x) {
+    return (x.array() > lower.array()).all() && (x.array() < upper.array()).all();
+  });
   const double volume = (upper - lower).prod() / static_cast<double>(total);
   Random random(seeding.seed);
   if (seeding.pattern == Seeding::Pattern::blue_noise) {
@@ -131,13 +146,15 @@ std::size_t fill_bed(Particles<Dim, Real>& particles, const Grid<Dim>& grid, dou
 /// ten shares across that have a distance (tested), to about a tenth of a share at the surface
 /// without.
 ///
-/// Returns the number added. Throws std::invalid_argument if a parameter is out of range or if the
-/// region is empty, outside of the grid or too thin to hold a particle.
+/// Returns the number added. Throws std::invalid_argument if a parameter is out of range, if the
+/// region is empty, outside of the grid or too thin to hold a particle, holds particles already, or
+/// gives no distance somewhere; then, and if the region itself throws, no particle is added.
 template <int Dim, class Real, Region<Dim> R>
 std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R& region,
                  const Seeding& seeding) {
   seeding.validate();
   constexpr int samples = 4; // along each edge of a share
+  require_no_particles(particles, "fill", [&](const Vec<Dim>& x) { return contains(region, x); });
   const Vec<Dim> edge = grid.spacing() / seeding.per_axis;
   const Vec<Dim> sample_edge = edge / samples;
   Random random(seeding.seed);
@@ -177,7 +194,7 @@ std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R
     share.volume = edge.prod();
     bool whole = false;
     if constexpr (requires { region.distance(share.centre); }) {
-      const double distance = region.distance(share.centre);
+      const double distance = distance_to<Dim>(region, share.centre);
       if (distance >= edge.norm() / 2)
         continue;
       whole = distance <= -edge.norm() / 2;
@@ -213,6 +230,12 @@ std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R
     throw_invalid("fill: the number of particles that fit the region", 0,
                   "a region inside the grid, thicker than a quarter of a particle's share");
 
+  std::vector<Vec<Dim>> points;
+  const auto add_all = [&](const auto& volume_of) {
+    for (std::size_t p = 0; p < points.size(); ++p)
+      particles.add(points[p], Vec<Dim>::Zero(), volume_of(p));
+    return points.size();
+  };
   if (seeding.pattern == Seeding::Pattern::jittered) {
     for (const Share& share : shares) {
       // Jitter that leaves the region or the share is drawn again, and given up if there is little
@@ -226,32 +249,33 @@ std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R
           break;
         }
       }
-      particles.add(x, Vec<Dim>::Zero(), share.volume);
+      points.push_back(x);
     }
-    return shares.size();
+    return add_all([&](std::size_t p) { return shares[p].volume; });
   }
 
-  // Uniform in the region: a share by chance, a place in it, and again if that is outside.
+  // Uniform in the region: a share by chance, a place in it, and again if that is outside. A share
+  // has one of its 4^d samples inside, so about as many draws find a place if it has a volume.
+  constexpr int most_draws = 100000;
   const auto draw = [&] {
-    while (true) {
+    for (int n = 0; n < most_draws; ++n) {
       const auto k =
           static_cast<std::size_t>(random.uniform() * static_cast<double>(shares.size()));
       const Vec<Dim> x = draw_from(shares[k].centre, 1);
       if (inside(x))
         return x;
     }
+    throw_invalid("fill: the number of random points, all outside of the region", most_draws,
+                  "a region that has a volume");
   };
   const auto number =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::llround(total / edge.prod())));
-  std::vector<Vec<Dim>> points;
   if (seeding.pattern == Seeding::Pattern::blue_noise)
     points = blue_noise_points<Dim>(number, grid.origin(), grid.upper(), edge, draw);
   else
     for (std::size_t p = 0; p < number; ++p)
       points.push_back(draw());
-  for (const Vec<Dim>& x : points)
-    particles.add(x, Vec<Dim>::Zero(), total / static_cast<double>(number));
-  return number;
+  return add_all([&](std::size_t) { return total / static_cast<double>(number); });
 }
 
 } // namespace talus

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/boundary/signed_distance.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -22,11 +23,11 @@ concept Region = requires(const R& region, const Vec<Dim>& x) {
   { region(x) } -> std::convertible_to<bool>;
 };
 
-/// Is x (m) inside?
+/// Is x (m) inside? Throws std::invalid_argument where the region gives no distance.
 template <int Dim, Region<Dim> R>
 bool contains(const R& region, const Vec<Dim>& x) {
   if constexpr (requires { region.distance(x); })
-    return region.distance(x) < 0;
+    return distance_to<Dim>(region, x) < 0;
   else
     return region(x);
 }
@@ -38,13 +39,13 @@ bool contains(const R& region, const Vec<Dim>& x) {
 template <int Dim, Region<Dim> R>
 double share_inside(const R& region, const Vec<Dim>& x, const Vec<Dim>& size) {
   if constexpr (requires { region.distance(x); }) {
-    const double s = region.distance(x);
+    const double s = distance_to<Dim>(region, x);
     if (std::abs(s) < size.norm() / 2) {
       double width = 0; // max_a |n_a| size_a: a corner counts as the faces that meet there
       for (int a = 0; a < Dim; ++a) {
         const Vec<Dim> half = Vec<Dim>::Unit(a) * (size[a] / 2);
-        width = std::max(width, std::abs(region.distance(Vec<Dim>(x + half)) -
-                                         region.distance(Vec<Dim>(x - half))));
+        width = std::max(width, std::abs(distance_to<Dim>(region, Vec<Dim>(x + half)) -
+                                         distance_to<Dim>(region, Vec<Dim>(x - half))));
       }
       if (width > std::abs(s))
         return std::clamp(0.5 - s / width, 0.0, 1.0);

@@ -28,6 +28,7 @@ struct Boundaries {
   const std::vector<std::shared_ptr<const Obstacle<Dim>>>& obstacles;
   const std::vector<Body<Dim>>& bodies;
   const std::vector<RigidState<Dim>>& body_states; ///< #bodies: where they are now
+  const std::vector<double>& body_reach;           ///< #bodies, m: see FreeBodies
   double time;                                     ///< s
 
   static int face_source(int axis, bool upper) { return 2 * axis + (upper ? 1 : 0); }
@@ -44,12 +45,16 @@ NodeInSolid<Dim> node_in_body(const Boundaries<Dim>& bounds, std::size_t b, cons
 }
 
 /// Share of the volume of a node at x (m) that obstacles and bodies leave to the material: at least
-/// 0.1, also for what has got into a solid.
+/// 0.1, also for what has got into a solid. Throws std::invalid_argument if an obstacle gives
+/// something else than a share, or a shape no distance.
 template <int Dim>
 double open_share(const Boundaries<Dim>& bounds, const Vec<Dim>& x) {
   double share = 1;
-  for (const auto& obstacle : bounds.obstacles)
-    share *= obstacle->open_share(x, bounds.grid.spacing(), bounds.time);
+  for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
+    const double of_one = bounds.obstacles[o]->open_share(x, bounds.grid.spacing(), bounds.time);
+    check_open_share<Dim>(o, x, of_one);
+    share *= of_one;
+  }
   for (std::size_t b = 0; b < bounds.bodies.size(); ++b)
     share *= node_in_body(bounds, b, x).open_share;
   return std::max(share, 0.1);

@@ -4,6 +4,7 @@
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/node_in_solid.hpp"
+#include "talus/boundary/obstacle.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
@@ -14,7 +15,6 @@
 
 #include <compare>
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 /// \file
@@ -31,11 +31,12 @@ struct ContactPlace {
   friend auto operator<=>(const ContactPlace&, const ContactPlace&) = default;
 };
 
-/// Gives contacts the impulses that those at the same place had in the last step.
+/// The contacts of the last step, whose impulses those at the same place start from.
 template <class AnyContact>
 class LastImpulses {
  public:
-  explicit LastImpulses(const std::vector<AnyContact>& last) : last_(last) {}
+  /// ratio: this time step over the last; impulses are forces times δt.
+  LastImpulses(const std::vector<AnyContact>& last, double ratio) : last_(last), ratio_(ratio) {}
 
   /// place_of(contact): its ContactPlace. Must be called in the order of places.
   template <class PlaceOf>
@@ -44,23 +45,23 @@ class LastImpulses {
     while (next_ < last_.size() && place_of(last_[next_]) < place)
       ++next_;
     if (next_ < last_.size() && place_of(last_[next_]) == place)
-      contact.impulse = last_[next_].impulse;
+      contact.impulse = ratio_ * last_[next_].impulse;
   }
 
  private:
   const std::vector<AnyContact>& last_;
+  double ratio_;
   std::size_t next_ = 0;
 };
 
 /// Contacts of the nodes that carry cones with frictional faces and obstacles, block by block.
-/// node_rank: place of a node in the order of the blocks, #nodes; last: workspace.
+/// node_rank: place of a node in the order of the blocks, #nodes. Throws std::invalid_argument if
+/// an obstacle gives what is no contact (see check_contact).
 template <int Dim>
 void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
-                      DualProblem<Dim>& problem, std::vector<Contact<Dim>>& last) {
+                      LastImpulses<Contact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
-  std::swap(last, problem.contacts);
   problem.contacts.clear();
-  LastImpulses<Contact<Dim>> impulses(last);
   const auto add = [&](Contact<Dim> contact) {
     impulses.give(contact, [&](const Contact<Dim>& c) {
       return ContactPlace{0, node_rank[static_cast<std::size_t>(c.node)], c.source};
@@ -86,10 +87,11 @@ void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size
       if (!(inverse_mass.maxCoeff() > 0))
         continue;
       for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
-        const auto held =
-            bounds.obstacles[o]->contact(grid.node_position(index), grid.spacing(), bounds.time);
+        const Vec<Dim> x = grid.node_position(index);
+        const auto held = bounds.obstacles[o]->contact(x, grid.spacing(), bounds.time);
         if (!held)
           continue;
+        check_contact(o, x, *held);
         Contact<Dim> contact;
         contact.node = node;
         contact.source = bounds.obstacle_source(o);
@@ -108,11 +110,9 @@ void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size
 template <int Dim>
 void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
                            const std::vector<double>& open_share, double time_step,
-                           DualProblem<Dim>& problem, std::vector<BodyContact<Dim>>& last) {
+                           LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
-  std::swap(last, problem.body_contacts);
   problem.body_contacts.clear();
-  LastImpulses<BodyContact<Dim>> impulses(last);
   const auto add = [&](BodyContact<Dim>& contact) {
     impulses.give(contact, [&](const BodyContact<Dim>& c) {
       const std::size_t place = c.node < 0
@@ -144,6 +144,8 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
       contact.impulse.setZero();
       add(contact);
     }
+    if (has_left(grid, state.position, bounds.body_reach[b]))
+      continue; // there is no face out there
     for_each_corner_gap(
         grid, bounds.faces, body, state, [&](std::size_t c, int axis, bool upper, double gap) {
           if (gap > grid.spacing()[axis])

@@ -12,6 +12,7 @@
 #include "talus/dual/problem.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -26,21 +27,42 @@ template <int Dim>
 struct FreeBodies {
   std::vector<RigidState<Dim>> state;
   std::vector<double> radius;                       ///< of their corners, m
+  std::vector<double> reach;                        ///< of their shapes and corners, m
   std::vector<Mat<spin_size<Dim>>> inverse_inertia; ///< in their own frames; 0: it does not rotate
 };
 
-/// Throws std::invalid_argument unless all is finite and the rotation is one.
+/// A bound of how far a shape reaches from its origin, m: the corner of the box that is free of it,
+/// as seen from `far` (m) away, where a sphere of the distance there is nearly a plane. Infinite in
+/// practice (of the order of `far`) for a shape that has no end.
 template <int Dim>
-void check_body_state(const RigidState<Dim>& body) {
+double reach_of(const Shape<Dim>& shape, double far) {
+  double reach2 = 0;
   for (int a = 0; a < Dim; ++a) {
-    require_finite("a body's position", body.position[a]);
-    require_finite("a body's velocity", body.velocity[a]);
+    double along = 0;
+    for (const double side : {-1.0, 1.0})
+      along = std::max(along, far - shape.distance(side * far * Vec<Dim>::Unit(a)));
+    reach2 += along * along;
   }
-  for (int a = 0; a < spin_size<Dim>; ++a)
-    require_finite("a body's angular velocity", body.angular_velocity[a]);
-  const double error = orthogonality_error<Dim>(body.rotation);
-  if (!(error < 1e-9))
-    throw_invalid("a body's |R Rᵀ - I|", error, "a rotation, < 1e-9");
+  return std::sqrt(reach2);
+}
+
+/// How far a body of this reach (m) at `position` is beyond the box along an axis, m; 0 if it is
+/// not.
+template <int Dim>
+double gap_to_box(const Grid<Dim>& grid, const Vec<Dim>& position, double reach, int axis) {
+  const double lower = grid.origin()[axis] - position[axis];
+  return std::max({0.0, lower - reach, -lower - grid.size()[axis] - reach});
+}
+
+/// Has the body left the box for good, but for a push from outside? What is above the open top
+/// falls back.
+template <int Dim>
+bool has_left(const Grid<Dim>& grid, const Vec<Dim>& position, double reach) {
+  for (int a = 0; a < Dim; ++a)
+    if (gap_to_box(grid, position, reach, a) > 0 &&
+        !(a == up_axis<Dim> && position[a] > grid.origin()[a]))
+      return true;
+  return false;
 }
 
 /// Calls visit(corner, axis, upper, gap in m) for every corner and every face that is not free.
@@ -65,7 +87,7 @@ template <int Dim>
 void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<Dim>& faces,
                       const std::vector<int>& nodes) {
   body.validate();
-  check_body_state(body.start);
+  check_rigid_state("a body", body.start);
   const Placed<Dim> placed{body.shape, body.start};
   double thickness = -2 * placed.distance(body.start.position);
   for (const int node : nodes)
@@ -91,6 +113,7 @@ FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Di
     for (const Vec<Dim>& corner : body.corners)
       radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);
     free.radius.push_back(radius);
+    free.reach.push_back(std::max(radius, reach_of(body.shape, 1e3 * grid.size().norm())));
     free.state.push_back(body.start);
     if (body.rotates) {
       free.inverse_inertia.push_back(body.inverse_inertia());
@@ -126,12 +149,14 @@ void set_free_velocities(const std::vector<Body<Dim>>& bodies, const FreeBodies<
 }
 
 /// Moves the bodies on for `time` (s) with the velocities that the solve found. Without torque J ω
-/// stays: ω follows J, which turns with the body.
+/// stays: ω follows J, which turns with the body. Returns how many left the box.
 template <int Dim>
-void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem, double time,
-                 FreeBodies<Dim>& free) {
+std::size_t move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem,
+                        double time, FreeBodies<Dim>& free) {
+  std::size_t left = 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     RigidState<Dim>& body = free.state[b];
+    const bool was_out = has_left(problem.grid, body.position, free.reach[b]);
     body.velocity = problem.bodies[b].velocity;
     body.angular_velocity = problem.bodies[b].angular_velocity;
     const Spin<Dim> momentum =
@@ -140,7 +165,10 @@ void move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& p
     if (Dim == 3 && bodies[b].rotates)
       body.angular_velocity =
           product<spin_size<Dim>>(in_box(body, free.inverse_inertia[b]), momentum);
+    if (!was_out && has_left(problem.grid, body.position, free.reach[b]))
+      ++left;
   }
+  return left;
 }
 
 } // namespace talus

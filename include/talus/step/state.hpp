@@ -11,6 +11,7 @@
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -45,12 +46,22 @@ struct SimulationStateView {
   const std::vector<BodyContact<Dim>>& body_contacts;
 };
 
-/// Throws std::invalid_argument if there is no particle, or one is outside the box, has no positive
-/// volume or a number that is not finite.
+/// Throws std::invalid_argument unless all ids differ and are below next_id.
+template <int Dim, class Real>
+void check_ids(const Particles<Dim, Real>& particles) {
+  std::vector<std::size_t> ids = particles.id;
+  std::sort(ids.begin(), ids.end());
+  if (const auto twice = std::adjacent_find(ids.begin(), ids.end()); twice != ids.end())
+    throw_invalid("the id of two particles", *twice, "ids that differ");
+  if (!ids.empty() && !(ids.back() < particles.next_id))
+    throw_invalid("particles.next_id", particles.next_id,
+                  "above the largest id, " + std::to_string(ids.back()));
+}
+
+/// Throws std::invalid_argument if a particle is outside the box, has no positive volume, a number
+/// that is not finite or the id of another. None at all is fine: a box may start empty, and empty.
 template <int Dim, class Real>
 void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& grid) {
-  if (particles.empty())
-    throw_invalid("the number of particles", 0, "at least 1 (is the scene empty?)");
   const auto check_size = [&](const char* name, std::size_t size) {
     if (size != particles.size())
       throw_invalid(std::string("the number of the particles' ") + name, size,
@@ -60,6 +71,7 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
   check_size("affine matrices", particles.affine.size());
   check_size("volumes", particles.volume.size());
   check_size("ids", particles.id.size());
+  check_ids(particles);
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();
   for (std::size_t p = 0; p < particles.size(); ++p) {
     require_positive("a particle's volume", particles.volume[p]);
@@ -86,8 +98,16 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
   if (state.node_stress.size() != static_cast<std::size_t>(nodes))
     throw_invalid("the number of nodes of the state", state.node_stress.size(),
                   std::to_string(nodes));
+  for (const auto& stress : state.node_stress)
+    for (int k = 0; k < symmetric_size<Dim>; ++k)
+      require_finite("a node's stress of the state", stress[k]);
+  const auto check_impulse = [](const Contact<Dim>& contact) {
+    for (int a = 0; a < Dim; ++a)
+      require_finite("the impulse of a contact", contact.impulse[a]);
+  };
   const int sources = bounds.body_source(0);
   for (const Contact<Dim>& contact : state.contacts) {
+    check_impulse(contact);
     if (contact.node < 0 || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid");
     if (contact.source < 0 || contact.source >= sources)
@@ -97,8 +117,9 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
     throw_invalid("the number of bodies of the state", state.bodies.size(),
                   std::to_string(bounds.bodies.size()));
   for (const RigidState<Dim>& body : state.bodies)
-    check_body_state(body);
+    check_rigid_state("a body", body);
   for (const BodyContact<Dim>& contact : state.body_contacts) {
+    check_impulse(contact);
     if (contact.body < 0 || contact.body >= static_cast<int>(bounds.bodies.size()))
       throw_invalid("the body of a contact", contact.body, "a body of the simulation");
     const Body<Dim>& body = bounds.bodies[static_cast<std::size_t>(contact.body)];
