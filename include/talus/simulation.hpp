@@ -142,9 +142,6 @@ class Simulation {
     problem_.grid = grid_;
     problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
     problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
-    // so that the nodal fields are those of the particles before the first step, too
-    particles_to_grid();
-    collect_cones();
   }
 
   /// Advances by δt, or leaves all as it was and says why (StepReport::completed(), why()). What
@@ -285,8 +282,7 @@ class Simulation {
     params_.gravity = gravity;
   }
 
-  // Nodal fields of the last step, before the first one those of the particles as they were given,
-  // without stress.
+  // Nodal fields of the last step; index with grid().node(...).
 
   /// φ_i: material volume at node i over the node's volume outside of obstacles and bodies; 1 is
   /// dense.

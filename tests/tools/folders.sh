@@ -65,6 +65,14 @@ last() { tail -n 1 "$1" | cut -d , -f 1; }
 [ "$(last trial/front.csv)" = "$(last trial/profiles.csv)" ] || fail "front.csv and profiles.csv differ in time"
 [ "$(last trial/sections.csv)" = "$(last trial/profiles.csv)" ] || fail "sections.csv and profiles.csv differ in time"
 
+# Steps that are shortened (cfl) do not shorten the run, and an earlier run leaves no frames.
+collapse --time-step 0.02 --cfl 0.02 --sample-interval 0.005 --end-time 0.3 --out short
+measured short end_time_s | awk '{ exit !($1 > 0.297) }' || fail "ended at $(measured short end_time_s) instead of 0.3 s"
+"$programs/collapse" --dim 2 --cell 0.02 0.02 0.01 --quiet --no-plot --end-time 0.1 --vtk all \
+  --snapshot-interval 0.02 --out frames
+"$programs/collapse" --dim 2 --cell 0.02 0.02 0.01 --quiet --no-plot --end-time 0.1 --vtk last --out frames --overwrite
+[ "$(find frames/vtk -type f | wc -l)" -eq 2 ] || fail "frames of an earlier run: $(ls frames/vtk)"
+
 # A column that leans on the upstream wall has come to rest before its gate has left it, 0.3 m higher.
 collapse --case B00 --inclination -75 --friction 1 --wall-friction 0.9 --bed-depth 0 --column-length 0.06 \
   --column-height 0.3 --height 0.4 --length 0.3 --out leans

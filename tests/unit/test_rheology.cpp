@@ -83,6 +83,9 @@ TEST_CASE("friction laws refuse nonsense by name and value") {
         "rheology.law.I_star is 0; allowed: a finite number > 0");
   CHECK(refusal([] { return MuOfI({}); }) ==
         "rheology.inertial.grain_diameter is 0; allowed: a finite number > 0");
+  CHECK(refusal([] { // which measure of the strain rate is not guessed
+          return MuOfI({.inertial = {.grain_diameter = 1, .density = 1}});
+        }) == "rheology.inertial.strain_factor is 0; allowed: a finite number > 0");
   CHECK(refusal([] {
           return MuOfI({.inertial = {.grain_diameter = 1, .density = 1, .strain_factor = -2}});
         }) == "rheology.inertial.strain_factor is -2; allowed: a finite number > 0");
