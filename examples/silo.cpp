@@ -50,10 +50,11 @@ int main(int argc, char** argv) {
     };
     const char* unit = dim == 2 ? "m²" : "m³";
     const auto mean_rate = rate(1.0 / 7, 1);
-    const std::string fact = mean_rate.is_null()
-                                 ? support::text("no rate: only %.4g of %.4g %s left",
-                                                 run.outflow_volume(), all_out, unit)
-                                 : support::text("rate %.4g %s/s", mean_rate.get<double>(), unit);
+    const std::string fact =
+        mean_rate.is_null()
+            ? support::text("no rate: only %.4g of %.4g %s left", run.outflow_volume(), all_out,
+                            unit)
+            : support::text("rate %.4g %s/s", support::value_or_nan(mean_rate), unit);
     return run.finish({{"volume_out", run.outflow_volume()},
                        {"rate", mean_rate},
                        {"rate_early", rate(1.0 / 7, 4.0 / 7)},
