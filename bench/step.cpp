@@ -72,7 +72,7 @@ nlohmann::json measure(const Options& options) {
           {"to_particles_ns_per_particle", sum.to_particles / particles * 1e9},
           {"assembly_ns_per_cone", sum.assembly / cones * 1e9},
           {"solve_ns_per_cone_and_sweep", sum.solve / cone_sweeps * 1e9},
-          {"front_m", front_position(measure_profile(sim), 0.022)},
+          {"front_m", front_position(measure_profile(sim, 0), 0.022)},
           {"volume_under_surface_m3", volume_under_surface(sim)},
           {"memory_peak_bytes", peak_memory()},
           {"state_checksum", state_checksum(sim.particles())}};

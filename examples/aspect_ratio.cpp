@@ -33,8 +33,6 @@ support::Job job(double a, bool wide, const support::StudyOptions& options) {
                                         text(reach),
                                         "--height",
                                         text(1.1 * a * length + 4 * cell),
-                                        "--width",
-                                        "0.01",
                                         "--time-step",
                                         text(0.2 * cell),
                                         "--cfl",
@@ -47,7 +45,9 @@ support::Job job(double a, bool wide, const support::StudyOptions& options) {
                                         text(cell)};
   if (wide)
     arguments.insert(arguments.end(), {"--dim", "2", "--wall-friction", "0"});
-  return {(wide ? "wide_" : "narrow_") + text(a).substr(0, 5), arguments};
+  else
+    arguments.insert(arguments.end(), {"--width", "0.01"});
+  return {(wide ? "wide_" : "narrow_") + text(a), arguments};
 }
 
 support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options,

@@ -155,8 +155,12 @@ int run(const Options& options) {
     talus::CsvWriter table(out / "angles.csv",
                            {"tilt_deg", "surface_deg", "expected_deg", "seconds_to_rest_s",
                             "speed_max_m_s", "speed_at_rest_m_s"});
-    for (const json& row : state.rows)
-      table.row(std::vector<double>(row));
+    for (const json& row : state.rows) {
+      std::vector<double> values;
+      for (const json& value : row)
+        values.push_back(support::value_or_nan(value));
+      table.row(values);
+    }
     table.close();
   };
   talus::Progress progress("avalanche", {.quiet = options.common.quiet});
@@ -200,7 +204,8 @@ int run(const Options& options) {
         save();
     }
     state.rows.push_back({tilt, surface_angle(sim, tilt), std::min(tilt, friction_angle),
-                          state.last_motion, state.fastest, speed});
+                          rest.at_rest() ? json(state.last_motion) : json(nullptr), state.fastest,
+                          speed});
     write_table();
     state.since = sim.time();
     state.last_motion = state.fastest = 0;
@@ -221,7 +226,7 @@ int run(const Options& options) {
   json summary = {{"program", "avalanche"},
                   {"versions", support::versions()},
                   {"status", status},
-                  {"inputs", inputs},
+                  {"inputs", checkpoints.inputs()},
                   {"threads", params.threads},
                   {"measured",
                    {{"friction_angle_deg", friction_angle},
@@ -239,7 +244,7 @@ int run(const Options& options) {
     std::printf("tilt, surface, difference from the expected angle (degrees), at rest after (s)\n");
     for (std::size_t i = 0; i < tilt.size(); ++i)
       std::printf("%5.1f %7.2f %+6.2f %6.2f\n", tilt[i], surface[i], deviation[i],
-                  state.rows[i][3].template get<double>());
+                  support::value_or_nan(state.rows[i][3]));
     std::printf("%s; largest difference %.2f degrees\n", status.c_str(), worst);
     statistics.print(sim.steps(), state.seconds + stopwatch.seconds());
   }

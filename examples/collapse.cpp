@@ -67,7 +67,7 @@ struct Options {
 struct Case {
   talus::CollapseSetup setup;
   support::GrainMaterial material;
-  json published = nullptr;
+  json material_values, published = nullptr;
 };
 
 Case load_case(const Options& options) {
@@ -81,6 +81,7 @@ Case load_case(const Options& options) {
 
   Case run;
   run.material = support::grain_material(material_name, material);
+  run.material_values = material.to_json();
   talus::CollapseSetup& setup = run.setup;
   setup.inclination_deg = options.inclination.value_or(file.number("inclination_deg"));
   setup.column_length = options.column_length.value_or(preset.number("column_length"));
@@ -124,8 +125,8 @@ class Measurement {
 };
 
 /// One line of the table: a measured value beside the published ones, where there are any.
-void print_beside(const char* what, double measured, const json& published, const std::string& key,
-                  const std::string& unit) {
+void print_beside(const char* what, const json& measured, const json& published,
+                  const std::string& key, const std::string& unit) {
   const auto value = [&](const std::string& source) -> std::string {
     const auto of = support::published_value(published, key, source, unit);
     if (!of)
@@ -134,8 +135,10 @@ void print_beside(const char* what, double measured, const json& published, cons
     std::snprintf(text, sizeof text, "%.3f +- %.3f", of->value, of->half_width);
     return text;
   };
-  std::printf("%-18s %8.3f %21s %17s\n", what, measured, value("sim").c_str(),
-              value("exp").c_str());
+  char text[32] = "-";
+  if (!measured.is_null())
+    std::snprintf(text, sizeof text, "%.3f", measured.get<double>());
+  std::printf("%-18s %8s %21s %17s\n", what, text, value("sim").c_str(), value("exp").c_str());
 }
 
 template <int Dim, class Solver>
@@ -204,6 +207,7 @@ int run(const Options& options, const Case& collapse) {
                        {"packing_dilatancy", options.packing.dilatancy},
                        {"packing_surfaces", options.packing.surfaces},
                        {"material", collapse.material.name},
+                       {"material_values", collapse.material_values},
                        {"inclination_deg", setup.inclination_deg},
                        {"column_length_m", setup.column_length},
                        {"column_height_m", setup.column_height},
@@ -219,6 +223,9 @@ int run(const Options& options, const Case& collapse) {
                        {"gate", !options.no_gate},
                        {"gate_friction", setup.gate_friction},
                        {"gate_opening_time_s", setup.gate.opening_time},
+                       {"gate_speed_m_s", setup.gate.terminal_speed},
+                       {"gate_time_constant_s", setup.gate.time_constant},
+                       {"gate_thickness_m", setup.gate_thickness},
                        {"time_step_s", params.time_step},
                        {"cfl", params.cfl}};
 
@@ -258,9 +265,11 @@ int run(const Options& options, const Case& collapse) {
   };
   while (run.advance(record)) {
     const double speed = talus::largest_speed(sim);
-    rest.update(std::max(0.0, run.time()), speed);
-    const bool released = options.no_gate || gate->speed(sim.time()) > 0;
-    if (!options.end_time && run.time() > 0 && released && rest.at_rest())
+    // The gate may set in motion again what it stands in.
+    const bool driven = !options.no_gate && !gate->done(sim.time(), talus::highest_particle(sim));
+    rest.update(std::max(0.0, run.time()),
+                driven ? std::numeric_limits<double>::infinity() : speed);
+    if (!options.end_time && run.time() > 0 && rest.at_rest())
       run.stop();
     if (run.sample_due()) {
       // The fields of the step are those at its start, before the particles moved on.
@@ -268,7 +277,7 @@ int run(const Options& options, const Case& collapse) {
       front.row(run.time_before(), now.front, now.front - setup.column_length, now.height_wall,
                 speed, now.volume,
                 options.no_gate ? std::numeric_limits<double>::infinity()
-                                : gate->bottom(sim.time()));
+                                : gate->bottom(setup.gate.opening_time + run.time_before()));
       const talus::InertialQuantiles numbers = talus::inertial_quantiles(sim);
       inertial.row(run.time_before(), numbers.low, numbers.median, numbers.high, numbers.nodes);
     }
@@ -285,11 +294,14 @@ int run(const Options& options, const Case& collapse) {
       std::fprintf(stderr, "--record-problem %zu: the run ended after %zu steps\n", number,
                    sim.steps());
 
+  const json rest_time = rest.at_rest() ? json(rest.last_motion()) : json(nullptr);
+  const double speed_end = talus::largest_speed(sim);
   const double volume_loss = 1 - now.volume / material_volume;
   const double runout = now.front - setup.column_length;
   json measured = {{"runout_m", runout},
                    {"height_final_m", now.height_wall},
-                   {"rest_time_s", rest.last_motion()},
+                   {"rest_time_s", rest_time}, // null: it still moves
+                   {"speed_end_m_s", speed_end},
                    {"volume_loss", volume_loss},
                    {"material_volume", material_volume},
                    {"end_time_s", run.time()}};
@@ -309,7 +321,11 @@ int run(const Options& options, const Case& collapse) {
     std::printf("%-18s %8s %21s %17s\n", "", "talus", "authors' simulation", "experiment");
     print_beside("run-out (m)", runout, collapse.published, "runout", "_m");
     print_beside("final height (m)", now.height_wall, collapse.published, "height_final", "_m");
-    print_beside("rest time (s)", rest.last_motion(), collapse.published, "rest_time", "_s");
+    print_beside("rest time (s)", rest_time, collapse.published, "rest_time", "_s");
+    if (rest_time.is_null())
+      std::printf(
+          "it still moves, at up to %.3f m/s: no rest time, and no final run-out or height\n",
+          speed_end);
     std::printf("%-18s %7.2f%%\n", "volume loss", 100 * volume_loss);
   }
   return run.finish("plot_collapse.py");
@@ -324,6 +340,8 @@ int run_in_dimension(const Options& options, const Case& collapse) {
 int run_collapse(Options options) {
   if (options.until_rest && options.end_time)
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
+  if (options.dimension == 2 && options.width)
+    throw std::invalid_argument("--width goes with --dim 3, not 2");
   if (options.seeding.empty())
     options.seeding = "jittered";
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
@@ -397,7 +415,8 @@ int main(int argc, char** argv) {
   app.add_option("--wall-friction", options.wall_friction,
                  "Wall friction instead of the material's");
   app.add_option("--gate-friction", options.gate_friction, "Gate friction instead of the walls'");
-  app.add_flag("--no-gate", options.no_gate, "The column is released at once");
+  app.add_flag("--no-gate", options.no_gate, "The column is released at once")
+      ->excludes("--gate-friction");
   app.add_option("--inclination", options.inclination, "Slope instead of the case's, degrees");
   app.add_option("--column-length", options.column_length, "Instead of the case's, m");
   app.add_option("--column-height", options.column_height, "Above the bed, m");

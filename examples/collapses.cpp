@@ -39,7 +39,8 @@ std::vector<support::Panel> panels(const std::string& material, const support::S
     Values slopes, values;
     for (const auto& [job, summary] : runs) {
       slopes.push_back(summary.at("inputs").at("inclination_deg"));
-      values.push_back(summary.at("measured").at(quantity.name + quantity.unit));
+      values.push_back(
+          support::value_or_nan(summary.at("measured").at(quantity.name + quantity.unit)));
       for (const auto& [source, label] : sources)
         if (const auto of = support::published_value(summary.at("published"), quantity.name, source,
                                                      quantity.unit))
@@ -72,15 +73,17 @@ support::StudyResults study(support::Sweep& sweep, const std::string& preset) {
     json& result = results.measured[jobs[i].name] = measured;
     std::vector<std::string> row = {jobs[i].name};
     for (const Quantity& quantity : quantities) {
-      const double value = measured.at(quantity.name + quantity.unit);
+      const json& value = measured.at(quantity.name + quantity.unit); // null: not measured
       row.push_back(text(value));
       for (const auto& [source, label] : sources) {
         const auto of = support::published_value(summaries[i].at("published"), quantity.name,
                                                  source, quantity.unit);
-        row.push_back(of ? text((value - of->value) / of->half_width) : "");
+        json off;
+        if (of && !value.is_null())
+          off = (value.get<double>() - of->value) / of->half_width;
+        row.push_back(text(off));
         if (of)
-          result["off_by_half_widths"][quantity.name + "_" + source] =
-              (value - of->value) / of->half_width;
+          result["off_by_half_widths"][quantity.name + "_" + source] = off;
       }
     }
     row.push_back(text(measured.at("volume_loss")));

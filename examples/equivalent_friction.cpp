@@ -25,10 +25,10 @@ std::vector<std::string> set_up(double inclination) {
 support::Job job_2d(double inclination, double mu) {
   // The upstream wall keeps its friction.
   auto arguments = set_up(inclination);
-  arguments.insert(arguments.end(), {"--dim", "2", "--friction", text(mu)});
-  char name[64];
-  std::snprintf(name, sizeof name, "2d_%gdeg_mu%.6f", inclination, mu);
-  return {name, arguments};
+  char digits[32]; // the folder's name says all of it
+  std::snprintf(digits, sizeof digits, "%.6f", mu);
+  arguments.insert(arguments.end(), {"--dim", "2", "--friction", digits});
+  return {"2d_" + text(inclination) + "deg_mu" + digits, arguments};
 }
 
 support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options) {

@@ -45,12 +45,17 @@ int main(int argc, char** argv) {
     const auto line = talus::fit_line_between(outside.x, outside.height, 0.2 * top, 0.8 * top);
     const double angle = support::degrees(std::atan(-line.slope));
     const double friction_angle = support::degrees(std::atan(scene.friction));
-    return run.finish(
-        {{"angle_deg", angle},
-         {"friction_angle_deg", friction_angle},
-         {"height_m", top},
-         {"speed_max_m_s", talus::largest_speed(sim)}},
-        support::picture("Heap", support::text("slope %.1f°, friction angle %.1f°, height %.3f m",
-                                               angle, friction_angle, top)));
+    const double speed = talus::largest_speed(sim);
+    std::string fact = support::text("slope %.1f°, friction angle %.1f°, height %.3f m", angle,
+                                     friction_angle, top);
+    if (speed > 0.01)
+      fact += support::text(", still moving at up to %.3f m/s", speed);
+    if (sim.time() < gap / lift_speed)
+      fact += ", and the plate still rises";
+    return run.finish({{"angle_deg", angle},
+                       {"friction_angle_deg", friction_angle},
+                       {"height_m", top},
+                       {"speed_max_m_s", speed}},
+                      support::picture("Heap", fact));
   });
 }

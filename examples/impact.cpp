@@ -45,7 +45,9 @@ int main(int argc, char** argv) {
       uehara = 0.14 / scene.friction * std::sqrt(density / scene.density) *
                std::cbrt(diameter * diameter * (drop + uehara));
     return run.finish(
-        {{"depth_m", depth}, {"depth_uehara_m", uehara}},
+        {{"depth_m", depth},
+         {"speed_end_m_s", motion["speed_m_s"].back()},
+         {"depth_uehara_m", uehara}},
         support::picture("Impact",
                          support::text("depth %.3f m; Uehara et al. 2003: %.3f m", depth, uehara),
                          "time (s)", motion["time_s"], "depth (m)", motion["depth_m"]));

@@ -12,6 +12,9 @@ set -eu
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
 root=$(dirname -- "$here")
 build=$root/build/release
+for argument; do
+  case $argument in --write-jobs | --write-jobs=*) build=$root/build/portable ;; esac
+done
 
 list() {
   echo "examples (sh examples/run.sh NAME [ARGUMENTS...], NAME --help for the arguments):"
@@ -44,10 +47,13 @@ fi
 
 sh "$here/setup.sh" examples
 
-# The compiler's best for this very machine, where it knows how.
+# The compiler's best for this very machine, where it knows how; not for jobs, which run on others. The
+# name of the processor has everything built anew on another one that shares the folder.
 flags=-O3
-if echo 'int main() {}' | ${CXX:-c++} -march=native -x c++ -c -o /dev/null - 2> /dev/null; then
-  flags='-O3 -march=native'
+if [ "$build" = "$root/build/release" ] &&
+  echo 'int main() {}' | ${CXX:-c++} -march=native -x c++ -c -o /dev/null - 2> /dev/null; then
+  processor=$(grep -m 1 -E '^(flags|Features)' /proc/cpuinfo 2> /dev/null | cksum | cut -d ' ' -f 1)
+  flags="-O3 -march=native -DTALUS_PROCESSOR=$processor"
 fi
 if command -v ninja > /dev/null; then
   export CMAKE_GENERATOR="${CMAKE_GENERATOR:-Ninja}" # only counts for a new build folder

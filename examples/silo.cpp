@@ -40,19 +40,27 @@ int main(int argc, char** argv) {
     }
 
     // Slopes of the volume against time after the first seventh, and in both halves of that.
-    const auto rate = [&](double from, double to) {
+    // None if so much did not leave before the run ended.
+    const auto rate = [&](double from, double to) -> nlohmann::json {
+      if (!(run.outflow_volume() >= to * all_out))
+        return nullptr;
       return talus::fit_line_between(flow["time_s"], flow["volume_out"], from * all_out,
                                      to * all_out)
           .slope;
     };
     const char* unit = dim == 2 ? "m²" : "m³";
-    return run.finish(
-        {{"volume_out", run.outflow_volume()},
-         {"rate", rate(1.0 / 7, 1)},
-         {"rate_early", rate(1.0 / 7, 4.0 / 7)},
-         {"rate_late", rate(4.0 / 7, 1)}},
-        support::picture("Silo", support::text("rate %.4g %s/s", rate(1.0 / 7, 1), unit),
-                         "time (s)", flow["time_s"], support::text("volume that left (%s)", unit),
-                         flow["volume_out"]));
+    const auto mean_rate = rate(1.0 / 7, 1);
+    const std::string fact =
+        mean_rate.is_null()
+            ? support::text("no rate: only %.4g of %.4g %s left", run.outflow_volume(), all_out,
+                            unit)
+            : support::text("rate %.4g %s/s", support::value_or_nan(mean_rate), unit);
+    return run.finish({{"volume_out", run.outflow_volume()},
+                       {"rate", mean_rate},
+                       {"rate_early", rate(1.0 / 7, 4.0 / 7)},
+                       {"rate_late", rate(4.0 / 7, 1)}},
+                      support::picture("Silo", fact, "time (s)", flow["time_s"],
+                                       support::text("volume that left (%s)", unit),
+                                       flow["volume_out"]));
   });
 }

@@ -65,7 +65,7 @@ support::StudyResults study(support::Sweep& sweep) {
     Values values;
     for (std::size_t i = 0; i < all.size(); ++i)
       if (all[i].name.starts_with(set.name + "_"))
-        values.push_back(summaries[i].at("measured").at(key));
+        values.push_back(support::value_or_nan(summaries[i].at("measured").at(key)));
     return values;
   };
   for (const Set& set : sets) {

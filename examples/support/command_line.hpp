@@ -26,12 +26,14 @@ struct TomlAssertion {};
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
+#include <fcntl.h>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
@@ -39,6 +41,10 @@ struct TomlAssertion {};
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <sys/file.h>
+#include <system_error>
+#include <unistd.h>
+#include <utility>
 #include <vector>
 
 /// \file
@@ -53,14 +59,43 @@ inline fs::path examples_folder() {
   return TALUS_EXAMPLES_DIR;
 }
 
+namespace detail {
+inline std::vector<int> locks; ///< file descriptors
+}
+
+/// Two programs that write the same files would tear them: a folder is this program's own until it
+/// ends, whatever ends it. Throws std::invalid_argument if it is another one's.
+inline void lock_folder(const fs::path& folder) {
+  const fs::path path = folder / ".lock";
+  const int file = open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666);
+  if (file < 0 || flock(file, LOCK_EX | LOCK_NB) != 0) {
+    const int error = errno;
+    char process[32] = "";
+    const bool known = file >= 0 && read(file, process, sizeof process - 1) > 0;
+    if (file >= 0)
+      close(file);
+    if (error == EWOULDBLOCK)
+      throw std::invalid_argument("--out is " + folder.string() +
+                                  "; allowed: a folder that no other program writes to (process " +
+                                  (known ? process : "unknown") + " does)");
+    std::fprintf(stderr, "%s cannot be locked (%s): see to it that no other program writes there\n",
+                 folder.c_str(), std::generic_category().message(error).c_str());
+    return;
+  }
+  const std::string process = std::to_string(getpid());
+  if (ftruncate(file, 0) != 0 || write(file, process.data(), process.size()) < 0)
+    static_cast<void>(0); // it only serves the message above
+  detail::locks.push_back(file);
+}
+
 /// --out, --threads, --quiet, --no-plot.
 struct CommonOptions {
   std::string out;
   int threads = talus::available_threads();
   bool quiet = false, no_plot = false;
 
-  /// Creates the output folder and checks that files can be written there. Throws
-  /// std::invalid_argument.
+  /// Creates the output folder, checks that files can be written there, and keeps other programs
+  /// out of it. Throws std::invalid_argument.
   fs::path prepare_out() const {
     std::error_code error;
     fs::create_directories(out, error);
@@ -72,6 +107,7 @@ struct CommonOptions {
                                   (error ? " (" + error.message() + ")" : ""));
     std::fclose(file);
     fs::remove(probe);
+    lock_folder(out);
     return out;
   }
 };
@@ -94,7 +130,8 @@ extern "C" inline void on_interrupt(int) {
 }
 } // namespace detail
 
-/// Has the user asked the program to stop (Ctrl-C, SIGTERM)? The step is finished and results
+/// Has anyone asked the program to stop: the user (Ctrl-C), the terminal that was closed (SIGHUP)
+/// or a batch system (SIGTERM, SIGXCPU, SIGUSR1, SIGUSR2)? The step is finished and results
 /// written.
 inline bool interrupted() {
   return detail::interrupt_flag != 0;
@@ -102,6 +139,13 @@ inline bool interrupted() {
 
 namespace detail {
 inline std::vector<std::string> arguments; ///< of the program, its name first
+inline nlohmann::json options = nlohmann::json::object();
+} // namespace detail
+
+/// All options of the program that may change its result, by their names, with the values that they
+/// have: whatever is added to the command line later is among them.
+inline const nlohmann::json& options_as_inputs() {
+  return detail::options;
 }
 
 /// A word as a shell reads it back.
@@ -126,6 +170,38 @@ inline std::string command_to_resume() {
   return command + "--resume";
 }
 
+namespace detail {
+/// The values of all options but those that say where to, how fast and how loudly. Numbers are
+/// compared as numbers: 0.50 is 0.5.
+inline nlohmann::json options_of(const CLI::App& app) {
+  static const std::vector<std::string> others = {
+      "help",       "out",      "threads",   "quiet",
+      "no-plot",    "resume",   "overwrite", "checkpoint-interval",
+      "write-jobs", "job-time", "job-memory"};
+  const auto value = [](const std::string& text) -> nlohmann::json {
+    if (text.empty())
+      return nullptr;
+    const nlohmann::json number = nlohmann::json::parse(text, nullptr, false);
+    return number.is_number() ? nlohmann::json(number.get<double>()) : nlohmann::json(text);
+  };
+  nlohmann::json all = nlohmann::json::object();
+  for (const CLI::Option* option : app.get_options()) {
+    const std::string& name = option->get_single_name();
+    if (std::find(others.begin(), others.end(), name) != others.end())
+      continue;
+    if (option->count() == 0) {
+      all[name] = value(option->get_default_str());
+      continue;
+    }
+    for (const std::string& word : option->results())
+      all[name].push_back(value(word));
+    if (all[name].size() == 1)
+      all[name] = nlohmann::json(all[name][0]);
+  }
+  return all;
+}
+} // namespace detail
+
 /// Parses the command line and runs `body`. Exit status: body's; 2 for wrong input, with a message
 /// that names it; 1 for anything else.
 template <class Body>
@@ -138,8 +214,10 @@ int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
     return status == 0 ? 0 : 2;
   }
   detail::arguments.assign(argv, argv + argc);
-  std::signal(SIGINT, detail::on_interrupt);
-  std::signal(SIGTERM, detail::on_interrupt);
+  detail::options = detail::options_of(app);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGXCPU, SIGUSR1, SIGUSR2})
+    if (std::signal(signal, detail::on_interrupt) == SIG_IGN)
+      std::signal(signal, SIG_IGN); // as nohup wants it
   const std::string name = fs::path(argv[0]).filename().string();
   try {
     return body();

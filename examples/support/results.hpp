@@ -16,6 +16,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -144,6 +145,11 @@ class SolverStatistics {
   talus::PhaseSeconds seconds_;
 };
 
+/// A measured value, not a number if there is none (null): pictures and tables leave it out.
+inline double value_or_nan(const nlohmann::json& value) {
+  return value.is_null() ? std::numeric_limits<double>::quiet_NaN() : value.get<double>();
+}
+
 /// Writes a file whole or not at all. Throws std::runtime_error.
 inline void write_json(const fs::path& path, const nlohmann::json& json) {
   const fs::path temporary = path.string() + ".tmp";
@@ -155,14 +161,6 @@ inline void write_json(const fs::path& path, const nlohmann::json& json) {
       throw std::runtime_error(temporary.string() + " cannot be written");
   }
   fs::rename(temporary, path);
-}
-
-/// A word for the shell.
-inline std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text)
-    result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return result + "'";
 }
 
 /// Runs a plot script on the results: a picture is welcome, but no reason to fail.

@@ -5,6 +5,7 @@
 
 #include "talus/core/error.hpp"
 #include "talus/io/checkpoint.hpp"
+#include "talus/version.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -31,7 +32,7 @@ struct ResumeOptions {
 inline void add_resume_options(CLI::App& app, ResumeOptions& options) {
   app.add_flag("--resume", options.resume,
                "Go on with the unfinished run in --out; nothing is done if it is finished");
-  app.add_flag("--overwrite", options.overwrite, "Replace an unfinished run in --out")
+  app.add_flag("--overwrite", options.overwrite, "Replace another or an unfinished run in --out")
       ->excludes("--resume");
   app.add_option(
          "--checkpoint-interval", options.interval,
@@ -39,32 +40,79 @@ inline void add_resume_options(CLI::App& app, ResumeOptions& options) {
       ->capture_default_str();
 }
 
+/// The first difference between two sets of inputs, "KEY = THERE, not HERE"; empty without one.
+inline std::string input_difference(const nlohmann::json& there, const nlohmann::json& here,
+                                    const std::string& prefix = {}) {
+  const auto at = [](const nlohmann::json& all, const std::string& key) {
+    return all.is_object() ? all.value(key, nlohmann::json()) : nlohmann::json();
+  };
+  nlohmann::json keys = there.is_object() ? there : nlohmann::json::object();
+  keys.update(here);
+  for (const auto& entry : keys.items()) {
+    const nlohmann::json was = at(there, entry.key()), is = at(here, entry.key());
+    if (was == is)
+      continue;
+    const std::string name = prefix + entry.key();
+    if (is.is_object() && was.is_object())
+      return input_difference(was, is, entry.key() == "options" ? "--" : name + ".");
+    return name + " = " + was.dump() + ", not " + is.dump();
+  }
+  return {};
+}
+
+/// The summary of the run or study in a folder; an empty object if there is none that can be read.
+inline nlohmann::json read_summary(const fs::path& path) {
+  std::ifstream file(path);
+  const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
+  const bool usable = summary.is_object() && summary.contains("inputs") &&
+                      summary.value("status", nlohmann::json()).is_string();
+  return usable ? summary : nlohmann::json::object();
+}
+
 /// The checkpoint of a run in its folder, OUT/checkpoint.talus: there until the run is finished.
 class Checkpoints {
  public:
-  /// inputs: all that makes a run what it is; compared with those of the run to go on with.
-  /// Throws std::invalid_argument if there is an unfinished run and the user did not say what to do
-  /// with it, or if it had other inputs.
+  /// inputs: what makes a run what it is, besides its options and the version of talus; compared
+  /// with those of the run that is there. Throws std::invalid_argument if there is a finished run
+  /// with other inputs or an unfinished one, and the user did not say what to do with it;
+  /// std::runtime_error to go on with one that failed.
   Checkpoints(const fs::path& out, const ResumeOptions& options, nlohmann::json inputs)
-      : file_(out / "checkpoint.talus"), summary_(out / "summary.json"), options_(options),
-        inputs_(std::move(inputs)) {
+      : file_(out / "checkpoint.talus"), options_(options), inputs_(std::move(inputs)) {
     talus::require_non_negative("--checkpoint-interval", options.interval);
-    if (options.overwrite)
+    inputs_["options"] = options_as_inputs();
+    inputs_["version"] = // patches of it give the same results
+        std::to_string(TALUS_VERSION_MAJOR) + '.' + std::to_string(TALUS_VERSION_MINOR);
+    const fs::path summary_file = out / "summary.json";
+    if (options.overwrite) {
       fs::remove(file_);
-    else if (!options.resume && fs::exists(file_))
-      throw std::invalid_argument(out.string() +
-                                  " holds an unfinished run; add --resume to go on with it, "
-                                  "--overwrite to start anew, or choose another --out");
+      fs::remove(summary_file);
+    }
+    if (fs::exists(file_)) {
+      if (!options.resume)
+        throw std::invalid_argument(out.string() +
+                                    " holds an unfinished run; add --resume to go on with it, "
+                                    "--overwrite to start anew, or choose another --out");
+      return;
+    }
+    const nlohmann::json summary = read_summary(summary_file);
+    const std::string status = summary.value("status", "");
+    if (status.empty() || status == "interrupted") // nothing that is worth to be kept
+      return;
+    if (const std::string difference = input_difference(summary.at("inputs"), inputs_);
+        !difference.empty())
+      throw std::invalid_argument(out.string() + " holds a finished run that had " + difference +
+                                  "; add --overwrite to replace it, or choose another --out");
+    if (options.resume && status.starts_with("failed"))
+      throw std::runtime_error(summary_file.string() + ": the run " + status +
+                               "; --overwrite runs it again");
+    finished_ = options.resume;
   }
 
+  /// All inputs, with the options and the version.
+  const nlohmann::json& inputs() const { return inputs_; }
+
   /// Is this run here already, finished, and the user content with it (--resume)?
-  bool finished() const {
-    if (!options_.resume || fs::exists(file_) || !fs::exists(summary_))
-      return false;
-    std::ifstream file(summary_);
-    const nlohmann::json summary = nlohmann::json::parse(file, nullptr, false);
-    return summary.is_object() && summary.value("inputs", nlohmann::json()) == inputs_;
-  }
+  bool finished() const { return finished_; }
 
   /// Puts `sim` where the checkpoint was, if there is one, and returns the program's own notes.
   /// Throws std::invalid_argument if the run had other inputs, std::runtime_error if the file is
@@ -74,11 +122,10 @@ class Checkpoints {
     if (!options_.resume || !fs::exists(file_))
       return std::nullopt;
     nlohmann::json notes = nlohmann::json::parse(talus::read_checkpoint(file_, sim));
-    for (const auto& [key, value] : notes.at("inputs").items())
-      if (!inputs_.contains(key) || inputs_.at(key) != value)
-        throw std::invalid_argument("--resume: the run in " + file_.parent_path().string() +
-                                    " had " + key + " = " + value.dump() + ", not " +
-                                    inputs_.value(key, nlohmann::json()).dump());
+    if (const std::string difference = input_difference(notes.at("inputs"), inputs_);
+        !difference.empty())
+      throw std::invalid_argument("--resume: the run in " + file_.parent_path().string() + " had " +
+                                  difference);
     return notes.at("program");
   }
 
@@ -100,9 +147,10 @@ class Checkpoints {
 
  private:
   using Clock = std::chrono::steady_clock;
-  fs::path file_, summary_;
+  fs::path file_;
   ResumeOptions options_;
   nlohmann::json inputs_;
+  bool finished_ = false;
   Clock::time_point last_ = Clock::now();
 };
 

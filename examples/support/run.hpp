@@ -18,6 +18,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
@@ -26,6 +27,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -92,9 +94,9 @@ class Run {
   /// name: of the program. label: what the progress bar calls the run. inputs: all that makes the
   /// run what it is. Throws std::invalid_argument for wrong options, and as Checkpoints does.
   Run(Sim& sim, std::string name, const RunOptions& options, json inputs, std::string label = {})
-      : sim_(sim), name_(std::move(name)), options_(options), inputs_(std::move(inputs)),
+      : sim_(sim), name_(std::move(name)), options_(options),
         out_((options.validate(), options.common.prepare_out())),
-        checkpoints_(out_, options.resume, inputs_), next_snapshot_(options.time_zero),
+        checkpoints_(out_, options.resume, std::move(inputs)), next_snapshot_(options.time_zero),
         progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
     if (sim.params().time_step > options.time_zero + options.end_time)
       talus::throw_invalid("time_step", sim.params().time_step, "at most the simulated time");
@@ -106,6 +108,8 @@ class Run {
     }
     earlier_ = checkpoints_.resume(sim_);
     fs::remove(summary_file()); // a summary always belongs to a finished run
+    if (!earlier_)
+      remove_frames();
     if (options_.vtk != "none") {
       fs::create_directories(out_ / "vtk");
       particle_series_.emplace(out_ / "particles.pvd");
@@ -191,9 +195,7 @@ class Run {
     }
     completed_one_ = true;
     last_ = sim_.time() >= last_time() - half_step();
-    sampled_ = time() + half_step() >= next_sample_;
-    if (sampled_)
-      next_sample_ += options_.sample_interval;
+    sampled_ = due(time(), options_.sample_interval, next_sample_);
     return true;
   }
 
@@ -203,7 +205,8 @@ class Run {
   /// Is it time for a row of the table against time?
   bool sample_due() const { return sampled_ || last_; }
 
-  /// s, counted from options.time_zero: now, and before the last step, whose fields the grid shows.
+  /// s, counted from options.time_zero: now, and before the last step. The grid's fields are those
+  /// of the particles before it, so that tables of them have time_before().
   double time() const { return sim_.time() - options_.time_zero; }
   double time_before() const { return time_before_; }
   const talus::StepReport& report() const { return report_; }
@@ -211,8 +214,9 @@ class Run {
   double outflow_volume() const { return statistics_.outflow_volume(); }
   const fs::path& folder() const { return out_; }
 
-  std::function<void(double time)> on_snapshot; ///< what else to write
-  std::string text;                             ///< shown beside the progress bar
+  std::function<void(double time)>
+      on_snapshot;  ///< what else to write; time: that of the grid's fields
+  std::string text; ///< shown beside the progress bar
   std::string status = "completed";
 
   /// Ends the progress bar, closes the tables and writes summary.json: what all runs tell, and
@@ -224,7 +228,7 @@ class Run {
     json summary = {{"program", name_},
                     {"versions", versions()},
                     {"status", status},
-                    {"inputs", inputs_},
+                    {"inputs", checkpoints_.inputs()},
                     {"threads", sim_.params().threads},
                     {"solver", statistics_.solver_json()},
                     {"seconds", statistics_.phase_json()},
@@ -264,16 +268,24 @@ class Run {
     talus::CsvWriter writer{};
   };
 
-  double half_step() const { return 0.5 * sim_.params().time_step; }
+  double half_step() const { return 0.5 * sim_.time_step(); }
+
+  /// Is it time for what is due at `next`, s? Then the next such time is later than now, however
+  /// long this step was.
+  bool due(double now, double interval, double& next) const {
+    const double late = now + half_step() - next;
+    if (!(late >= 0))
+      return false;
+    next += interval * (1 + std::floor(late / interval));
+    return true;
+  }
   double last_time() const { return options_.time_zero + options_.end_time; }
   double seconds() const { return earlier_seconds_ + stopwatch_.seconds(); }
   fs::path summary_file() const { return out_ / "summary.json"; }
 
   bool end_step() {
-    if (sim_.time() + half_step() >= next_snapshot_ || last_) {
+    if (due(sim_.time(), options_.snapshot_interval, next_snapshot_) || last_)
       snapshot(last_);
-      next_snapshot_ += options_.snapshot_interval;
-    }
     if (text.empty()) {
       char line[64];
       std::snprintf(line, sizeof line, "t = %.3f s, %d sweeps", time(), report_.solve.iterations);
@@ -306,7 +318,7 @@ class Run {
   void snapshot(bool last) {
     write_section();
     if (on_snapshot)
-      on_snapshot(time());
+      on_snapshot(time_before_);
     if (options_.vtk == "all" || (last && options_.vtk == "last"))
       write_vtk(frames_.size());
     frames_.push_back(time());
@@ -325,8 +337,22 @@ class Run {
         node[0] = i;
         node[up] = k;
         const talus::Vec<dimension> x = grid.node_position(node);
-        sections_->row(time(), x[0], x[up], sim_.volume_fraction(node), sim_.velocity(node).norm());
+        sections_->row(time_before_, x[0], x[up], sim_.volume_fraction(node),
+                       sim_.velocity(node).norm());
       }
+  }
+
+  /// Frames of an earlier run, which ParaView would show as a part of this one.
+  void remove_frames() const {
+    for (const char* series : {"particles.pvd", "grid.pvd"})
+      fs::remove(out_ / series);
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(out_ / "vtk", none)) {
+      const std::string name = entry.path().filename().string();
+      if ((name.starts_with("particles_") && name.ends_with(".vtp")) ||
+          (name.starts_with("grid_") && name.ends_with(".vti")))
+        fs::remove(entry.path());
+    }
   }
 
   /// kind: particles or grid.
@@ -370,7 +396,6 @@ class Run {
   Sim& sim_;
   std::string name_;
   RunOptions options_;
-  json inputs_;
   fs::path out_;
   Checkpoints checkpoints_;
   std::optional<json> earlier_; ///< notes of the checkpoint that the run goes on from

@@ -5,6 +5,7 @@
 #include "picture.hpp"
 #include "published.hpp"
 #include "results.hpp"
+#include "resume.hpp"
 
 #include "talus/io/csv.hpp"
 #include "talus/io/csv_table.hpp"
@@ -24,6 +25,7 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <sys/file.h>
@@ -47,9 +49,11 @@ namespace support {
 struct StudyOptions {
   std::string resolution = "coarse"; ///< of `collapse`; empty for other programs
   std::string write_jobs{};
-  std::optional<double> end_time{}; ///< s; without: at rest
+  std::string job_time = "24:00:00", job_memory = "2G"; ///< of each job that is written
+  std::optional<double> end_time{};                     ///< s; without: at rest
   bool overwrite = false;
   CommonOptions common{};
+  const CLI::Option* threads = nullptr; ///< --threads, as it was given
 
   bool reference() const { return resolution == "reference"; }
 };
@@ -63,11 +67,19 @@ inline void add_study_options(CLI::App& app, StudyOptions& options, const std::s
         "--end-time", options.end_time,
         "For a trial: end each run so many seconds after the gate's opening, not at rest");
   }
-  app.add_flag("--overwrite", options.overwrite, "Replace unfinished runs instead of going on");
+  app.add_flag("--overwrite", options.overwrite,
+               "Replace the runs and results that are there; without, runs that are finished are "
+               "taken as they are, and others go on");
   app.add_option("--write-jobs", options.write_jobs,
                  "Run nothing, but write an array-job script for a batch system (sbatch) to this "
-                 "file; when its jobs are done, the same command without it gathers the results");
+                 "file; when its jobs are done, the same command without it gathers the results. "
+                 "--threads is that of each job then, 1 if it is not given");
+  app.add_option("--job-time", options.job_time, "Limit of each job's time, for --write-jobs")
+      ->capture_default_str();
+  app.add_option("--job-memory", options.job_memory, "Memory of each job, for --write-jobs")
+      ->capture_default_str();
   add_common_options(app, options.common, "out/" + name);
+  options.threads = app.get_option("--threads");
 }
 
 /// One run of a program.
@@ -84,29 +96,38 @@ inline std::string text(double value) {
   return digits;
 }
 
+/// A measured value in a table: empty if there is none.
+inline std::string text(const nlohmann::json& value) {
+  return value.is_null() ? "" : text(value.get<double>());
+}
+
 /// Thrown when the user asked to stop.
 struct Interrupted {};
 
 /// Runs jobs, as many at once as there are threads. A run that is finished is not run again and one
 /// that was killed goes on (--resume), so that the same command goes on with a sweep that
-/// was stopped, whatever stopped it.
+/// was stopped, whatever stopped it. A folder with a run of other inputs ends it.
 class Sweep {
  public:
   explicit Sweep(const StudyOptions& options)
-      : options_(options), runs_(options.common.prepare_out() / "runs") {}
+      : options_(options), runs_(fs::absolute(options.common.prepare_out()) / "runs") {}
 
   /// The folder of a job's results.
   fs::path folder(const Job& job) const { return runs_ / job.name; }
 
   /// The jobs' summaries, in order. Throws std::runtime_error if a run failed, when all others are
-  /// done, and Interrupted.
+  /// done, std::invalid_argument at once if one was refused, and Interrupted.
   std::vector<nlohmann::json> run(const std::vector<Job>& jobs, const std::string& label) {
+    for (const Job& job : jobs)
+      if (options_.overwrite && replaced_.insert(job.name).second)
+        for (const char* file : {"summary.json", "checkpoint.talus"})
+          fs::remove(folder(job) / file);
     if (!options_.write_jobs.empty()) {
       write_jobs(jobs);
       throw Interrupted{};
     }
     talus::Progress progress(label, {.quiet = options_.common.quiet});
-    std::vector<std::pair<pid_t, std::size_t>> running; // process, number of the job
+    Running running;
     std::string failures;
     std::size_t next = 0, done = 0;
     while (done < jobs.size()) {
@@ -121,18 +142,21 @@ class Sweep {
         const auto at = std::find_if(running.begin(), running.end(),
                                      [&](const auto& entry) { return entry.first == ended; });
         if (at != running.end()) {
-          if (!(WIFEXITED(status) && WEXITSTATUS(status) == 0))
-            failures += "\n  " + (folder(jobs[at->second]) / "log.txt").string();
+          const fs::path log = folder(jobs[at->second]) / "log.txt";
           running.erase(at);
           ++done;
+          if (WIFEXITED(status) && WEXITSTATUS(status) == 2) { // wrong input
+            stop(running);
+            progress.finish("refused");
+            throw std::invalid_argument(last_line(log));
+          }
+          if (!(WIFEXITED(status) && WEXITSTATUS(status) == 0))
+            failures += "\n  " + log.string() + ": " + last_line(log);
         }
         continue;
       }
       if (interrupted()) {
-        for (const auto& entry : running)
-          kill(entry.first, SIGTERM); // they save what they have
-        for (const auto& entry : running)
-          waitpid(entry.first, &status, 0);
+        stop(running);
         progress.finish("interrupted");
         throw Interrupted{};
       }
@@ -159,38 +183,57 @@ class Sweep {
   const nlohmann::json& remarks() const { return remarks_; }
 
  private:
+  using Running = std::vector<std::pair<pid_t, std::size_t>>; ///< process, number of the job
+
+  static void stop(const Running& running) {
+    for (const auto& entry : running)
+      kill(entry.first, SIGTERM); // they save what they have
+    for (const auto& entry : running)
+      waitpid(entry.first, nullptr, 0);
+  }
+
+  static std::string last_line(const fs::path& path) {
+    std::ifstream file(path);
+    std::string last;
+    for (std::string line; std::getline(file, line);)
+      if (!line.empty())
+        last = line;
+    return last.empty() ? "it said nothing" : last;
+  }
+
   void remark(const Job& job, const nlohmann::json& summary) {
     const std::string status = summary.at("status");
     const auto& solver = summary.at("solver");
     const std::size_t missed = solver.at("steps_not_converged");
-    if (remarks_.contains(job.name) || (status == "completed" && missed == 0))
+    const auto& measured = summary.at("measured");
+    const bool moves = measured.contains("rest_time_s") && measured.at("rest_time_s").is_null();
+    if (remarks_.contains(job.name) || (status == "completed" && missed == 0 && !moves))
       return;
     remarks_[job.name] = {{"status", status},
+                          {"still_moves", moves},
                           {"steps_not_converged", missed},
                           {"steps", summary.at("steps")},
                           {"residual_max", solver.at("residual_max")}};
-    std::fprintf(stderr, "%s: %s; %zu of %zu steps above the solver's tolerance, residual %.1e\n",
-                 job.name.c_str(), status.c_str(), missed, summary.at("steps").get<std::size_t>(),
-                 solver.at("residual_max").get<double>());
+    std::fprintf(stderr, "%s: %s%s; %zu of %zu steps above the solver's tolerance, residual %.1e\n",
+                 job.name.c_str(), status.c_str(), moves ? ", still moves" : "", missed,
+                 summary.at("steps").get<std::size_t>(), solver.at("residual_max").get<double>());
   }
 
-  std::vector<std::string> command(const Job& job) const {
+  std::vector<std::string> command(const Job& job, int threads) const {
     std::vector<std::string> words = {TALUS_PROGRAMS_DIR "/" + job.program};
     if (!options_.resolution.empty())
       words.insert(words.end(), {"--resolution", options_.resolution});
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
     if (options_.end_time)
       words.insert(words.end(), {"--end-time", text(*options_.end_time)});
-    for (const char* word : {"--threads", "1", "--vtk", "none", "--quiet", "--no-plot"})
-      words.push_back(word);
-    words.push_back(options_.overwrite ? "--overwrite" : "--resume");
-    words.insert(words.end(), {"--out", folder(job).string()});
+    words.insert(words.end(), {"--threads", std::to_string(threads), "--vtk", "none", "--quiet",
+                               "--no-plot", "--resume", "--out", folder(job).string()});
     return words;
   }
 
   pid_t start(const Job& job) const {
     fs::create_directories(folder(job));
-    const std::vector<std::string> words = command(job);
+    const std::vector<std::string> words = command(job, 1);
     const std::string log = (folder(job) / "log.txt").string();
     std::vector<char*> arguments;
     for (const std::string& word : words)
@@ -202,7 +245,9 @@ class Sweep {
       throw std::system_error(errno, std::generic_category(), "cannot start " + words[0]);
     if (child > 0)
       return child;
-      // From here to execv only what is safe in a forked process.
+    // From here to execv only what is safe in a forked process.
+    for (const int lock : detail::locks)
+      close(lock); // the sweep's own: a new sweep need not wait for this one's runs
 #if defined(__linux__)
     prctl(PR_SET_PDEATHSIG, SIGTERM); // not even kill -9 of the sweep leaves runs behind
     if (getppid() != parent)
@@ -221,28 +266,38 @@ class Sweep {
     _exit(127);
   }
 
+  /// All paths are absolute: batch systems start jobs anywhere.
   void write_jobs(const std::vector<Job>& jobs) const {
+    const int threads = options_.threads->count() > 0 ? options_.common.threads : 1;
+    for (const Job& job : jobs)
+      fs::create_directories(folder(job));
     std::ofstream file(options_.write_jobs);
-    file << "#!/bin/sh\n#SBATCH --array=1-" << jobs.size()
-         << "\n#SBATCH --cpus-per-task=1\n"
+    file << "#!/bin/sh\n#SBATCH --job-name=" << runs_.parent_path().filename().string()
+         << "\n#SBATCH --array=1-" << jobs.size() << "\n#SBATCH --cpus-per-task=" << threads
+         << "\n#SBATCH --time=" << options_.job_time << "\n#SBATCH --mem=" << options_.job_memory
+         << "\n#SBATCH --output=" << shell_quoted((runs_ / "job_%a.log").string())
+         << "\n# A job that meets its limit of time saves what it has; submit it again to go on.\n"
+            "#SBATCH --signal=B:TERM@60\n"
             "# Other batch systems: run it once for each number, as the first argument.\n"
             "case ${SLURM_ARRAY_TASK_ID:-$1} in\n";
     for (std::size_t i = 0; i < jobs.size(); ++i) {
       file << i + 1 << ")\n  exec";
-      for (const std::string& word : command(jobs[i]))
-        file << ' ' << quoted(word);
-      file << " ;;\n";
+      for (const std::string& word : command(jobs[i], threads))
+        file << ' ' << shell_quoted(word);
+      file << " >> " << shell_quoted((folder(jobs[i]) / "log.txt").string()) << " 2>&1 ;;\n";
     }
     file << "*)\n  echo \"usage: $0 NUMBER, 1 to " << jobs.size() << "\" >&2; exit 2 ;;\nesac\n";
     file.close();
     if (!file)
       throw std::runtime_error("cannot write " + options_.write_jobs);
-    std::printf("%s: %zu jobs\n", options_.write_jobs.c_str(), jobs.size());
+    std::printf("%s: %zu jobs of %d threads; logs in %s\n", options_.write_jobs.c_str(),
+                jobs.size(), threads, runs_.c_str());
   }
 
   StudyOptions options_;
   fs::path runs_;
   nlohmann::json remarks_ = nlohmann::json::object();
+  std::set<std::string> replaced_; ///< jobs whose earlier results are gone, for --overwrite
 };
 
 /// Columns of a table that a run left.
@@ -316,6 +371,16 @@ template <class Study>
 int run_study(const StudyOptions& options, const std::string& name, const Study& study) {
   const Stopwatch stopwatch;
   Sweep sweep(options);
+  const fs::path summary_file = fs::path(options.common.out) / "summary.json";
+  if (!options.overwrite) {
+    const nlohmann::json earlier = read_summary(summary_file).value("options", nlohmann::json());
+    if (const std::string difference = input_difference(earlier, options_as_inputs(), "--");
+        !earlier.is_null() && !difference.empty())
+      throw std::invalid_argument(options.common.out + " holds a study that had " + difference +
+                                  "; add --overwrite to replace it, or choose another --out");
+  }
+  if (options.write_jobs.empty())
+    fs::remove(summary_file); // a summary always belongs to a finished study
   try {
     const StudyResults results = study(sweep);
     const fs::path out = options.common.out;
@@ -337,13 +402,14 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
       inputs["resolution"] = options.resolution;
       title += ", " + options.resolution + " resolution";
     }
-    write_json(out / "summary.json", {{"program", name},
-                                      {"versions", versions()},
-                                      {"status", "completed"},
-                                      {"inputs", inputs},
-                                      {"measured", results.measured},
-                                      {"remarks", sweep.remarks()},
-                                      {"wall_seconds", stopwatch.seconds()}});
+    write_json(summary_file, {{"program", name},
+                              {"versions", versions()},
+                              {"status", "completed"},
+                              {"inputs", inputs},
+                              {"options", options_as_inputs()},
+                              {"measured", results.measured},
+                              {"remarks", sweep.remarks()},
+                              {"wall_seconds", stopwatch.seconds()}});
     if (!options.common.quiet) {
       std::vector<std::vector<std::string>> lines = {results.columns};
       lines.insert(lines.end(), results.rows.begin(), results.rows.end());
@@ -362,7 +428,8 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
   } catch (const Interrupted&) {
     if (!options.write_jobs.empty())
       return 0;
-    std::fprintf(stderr, "to go on: the same command again\n");
+    std::fprintf(stderr, "to go on: the same command again%s\n",
+                 options.overwrite ? ", without --overwrite" : "");
     return 130;
   }
 }

@@ -319,6 +319,13 @@ class Simulation {
     return problem_;
   }
 
+  /// The policies, and what the solver keeps between steps: there a solver of one's own leaves
+  /// what is to be read after a step.
+  const RheologyT& rheology() const { return rheology_; }
+  const TransferT& transfer() const { return transfer_; }
+  const SolverT& solver() const { return solver_; }
+  const typename SolverT::template Workspace<Dim>& solver_workspace() const { return workspace_; }
+
  private:
   using Clock = std::chrono::steady_clock;
   using Wide = NodeVec<Dim>;

@@ -83,8 +83,8 @@ int main() {
     Sim sim = make_scene();
 
     // [checkpoint]
-    std::signal(SIGINT, request_stop);
-    std::signal(SIGTERM, request_stop);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) // SIGHUP: its terminal was closed
+      std::signal(signal, request_stop);
     const std::filesystem::path checkpoint = "run.talus";
     if (std::filesystem::exists(checkpoint))
       talus::read_checkpoint(checkpoint, sim); // throws if it does not fit this simulation

@@ -68,12 +68,14 @@ double front(const typename Rheology::Params& rheology) {
 
 int main() {
   // [use]
-  const talus::InertialNumber beads{.grain_diameter = 5e-4, .density = 1500};
+  const talus::InertialNumber beads{.grain_diameter = 5e-4, .density = 1500, .strain_factor = 1};
   using Mine = talus::FrictionLaw<RisingFriction>;
   const double mine = front<Mine>({.law = {.b = 0.2}, .inertial = beads});
 
-  using Line = talus::FrictionLaw<decltype([](double I) { return 0.4 + std::min(I, 0.3); })>;
-  const double line = front<Line>({.law = {}, .inertial = beads});
+  const double at_rest = 0.4;
+  const auto rises = [at_rest](double I) { return at_rest + std::min(I, 0.3); };
+  using Line = talus::FrictionLaw<decltype(rises)>;
+  const double line = front<Line>({.law = rises, .inertial = beads});
   // [use]
 
   // [additions]

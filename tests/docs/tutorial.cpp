@@ -166,7 +166,7 @@ int main() {
   using Weak = talus::Simulation<2, WeakeningFriction, talus::PolyPic, talus::GaussSeidel<>>;
   Weak::Params weak_params = heap_params<Weak>();
   weak_params.rheology.law = {.mu_0 = 0.5, .drop = 0.2, .I_w = 0.05};
-  weak_params.rheology.inertial = {.grain_diameter = 5e-4, .density = 2500};
+  weak_params.rheology.inertial = {.grain_diameter = 5e-4, .density = 2500, .strain_factor = 1};
   Weak weak(weak_params, heap_particles(talus::Grid<2>(weak_params.grid)));
   std::printf("front, with friction that weakens: %.3f m\n", front_after(weak, 0.2));
   // [use-law]

@@ -92,8 +92,14 @@ void read_table(std::string_view bytes) {
 
 void read_summary(std::string_view bytes) {
   fuzz::write("summary.json", bytes);
-  const support::Checkpoints checkpoints(fuzz::folder(), {.resume = true}, {{"case", "B15"}});
-  static_cast<void>(checkpoints.finished());
+  in_words([] { // of a run with other inputs, or one that failed
+    try {
+      const support::Checkpoints checkpoints(fuzz::folder(), {.resume = true}, {{"case", "B15"}});
+      static_cast<void>(checkpoints.finished());
+    } catch (const std::runtime_error& error) {
+      throw std::invalid_argument(error.what());
+    }
+  });
 }
 
 void read_mesh(std::string_view bytes) {

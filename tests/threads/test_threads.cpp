@@ -36,7 +36,8 @@ std::string slump(int threads) {
   params.material.density = 1500;
   params.gravity[up] = -9.81;
   params.time_step = 2e-3;
-  params.rheology = {.law = {}, .inertial = {.grain_diameter = 5e-4, .density = 1500}};
+  params.rheology = {.law = {},
+                     .inertial = {.grain_diameter = 5e-4, .density = 1500, .strain_factor = 1}};
   params.solver.max_sweeps = 30;
   params.faces.lower[0] = {FaceKind::frictional, 0.3};
   params.faces.lower[up] = {FaceKind::frictional, 0.5};

@@ -122,7 +122,7 @@ TEST_CASE("a law that depends on the last step's strain rate goes on with the sa
     params.time_step = 2e-3;
     params.faces = setup.faces<2>();
     params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
-                       .inertial = {.grain_diameter = 5e-4, .density = 1470}};
+                       .inertial = {.grain_diameter = 5e-4, .density = 1470, .strain_factor = 1}};
     return Sim<2, MuOfI>(params, setup.particles<2>(Grid<2>(params.grid), {.per_axis = 2}));
   };
   const Folder folder;

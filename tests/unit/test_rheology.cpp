@@ -83,6 +83,9 @@ TEST_CASE("friction laws refuse nonsense by name and value") {
         "rheology.law.I_star is 0; allowed: a finite number > 0");
   CHECK(refusal([] { return MuOfI({}); }) ==
         "rheology.inertial.grain_diameter is 0; allowed: a finite number > 0");
+  CHECK(refusal([] { // which measure of the strain rate is not guessed
+          return MuOfI({.inertial = {.grain_diameter = 1, .density = 1}});
+        }) == "rheology.inertial.strain_factor is 0; allowed: a finite number > 0");
   CHECK(refusal([] {
           return MuOfI({.inertial = {.grain_diameter = 1, .density = 1, .strain_factor = -2}});
         }) == "rheology.inertial.strain_factor is -2; allowed: a finite number > 0");
@@ -96,6 +99,22 @@ TEST_CASE("a user's law: a lambda, a struct, a function made at run time") {
   CHECK(AtRunTime({.law = [slope](double I) { return 0.3 + slope * std::min(I, 1.0); },
                    .inertial = beads})
             .friction(infinity) == doctest::Approx(0.5));
+  // a lambda with captures, which has no default and cannot be assigned
+  const auto line = [slope](double I) { return 0.3 + slope * std::min(I, 1.0); };
+  using Captures = FrictionLaw<decltype(line)>;
+  CHECK(Captures({.law = line, .inertial = beads}).friction(infinity) == doctest::Approx(0.5));
+  Simulation<2, Captures, Apic, GaussSeidel<>>::Params params;
+  params.rheology = {.law = line, .inertial = beads};
+  const auto copy = params;
+  CHECK(Captures(copy.rheology).friction(0.5) == doctest::Approx(0.4));
+  CHECK(refusal([] { return Captures({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
+  using Pointer = FrictionLaw<double (*)(double)>;
+  CHECK(Pointer({.law = [](double) { return 0.5; }, .inertial = beads}).friction(1) == 0.5);
+  CHECK(refusal([] { return Pointer({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
+  CHECK(refusal([] { return AtRunTime({.inertial = beads}); }) ==
+        "rheology.law is not given; allowed: a function of the inertial number");
   // what gives no friction somewhere is refused at once
   const auto refused = [](std::function<double(double)> law) {
     return refusal([&] { return AtRunTime({.law = law, .inertial = beads}); });

@@ -21,7 +21,7 @@ enum class FaceKind {
 
 struct Face {
   FaceKind kind = FaceKind::slip;
-  double friction = 0; ///< μ_w ≥ 0, for frictional faces
+  double friction = 0; ///< μ_w ≥ 0, of frictional faces alone
 };
 
 /// The 2d faces of the box.
@@ -29,14 +29,19 @@ template <int Dim>
 struct Faces {
   std::array<Face, static_cast<std::size_t>(Dim)> lower{}, upper{};
 
-  /// Throws std::invalid_argument if a friction coefficient is negative or not finite.
+  /// Throws std::invalid_argument if a friction coefficient is negative, not finite, or that of a
+  /// face that is not frictional.
   void validate() const {
     constexpr std::array axis_names{"x", "y", "z"};
+    const auto check = [](const std::string& name, const Face& face) {
+      require_non_negative(name + ".friction", face.friction);
+      if (face.kind != FaceKind::frictional && face.friction > 0)
+        throw_invalid(name + ".friction", face.friction,
+                      "0 for a face that is not FaceKind::frictional");
+    };
     for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
-      require_non_negative(std::string("faces.lower.") + axis_names[a] + ".friction",
-                           lower[a].friction);
-      require_non_negative(std::string("faces.upper.") + axis_names[a] + ".friction",
-                           upper[a].friction);
+      check(std::string("faces.lower.") + axis_names[a], lower[a]);
+      check(std::string("faces.upper.") + axis_names[a], upper[a]);
     }
   }
 };

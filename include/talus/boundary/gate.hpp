@@ -35,6 +35,9 @@ struct GateMotion {
     const double lag = time_constant > 0 ? -time_constant * std::expm1(-t / time_constant) : 0;
     return std::min(rise, terminal_speed * (t - lag));
   }
+
+  /// Has it opened and stopped for good?
+  bool stopped(double time) const { return time > opening_time && !(speed(time) > 0); }
 };
 
 /// A rigid plate across the channel, normal to x, that holds the material upstream of it and rises.
@@ -65,6 +68,13 @@ class Gate final : public Obstacle<Dim> {
   /// Height of the lower edge, m.
   double bottom(double time) const { return params_.bottom + params_.motion.travel(time); }
   double speed(double time) const { return params_.motion.speed(time); }
+
+  /// Is it through with what it does to material that is nowhere higher than `top` (m)? Not before
+  /// it has opened, nor while it moves in the material, which it may set in motion again.
+  bool done(double time, double top) const {
+    return params_.motion.stopped(time) ||
+           (time > params_.motion.opening_time && bottom(time) >= top);
+  }
 
   std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,
                                               double time) const override {

@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
+#include <string>
 #include <vector>
 
 /// \file
@@ -24,49 +25,71 @@ namespace talus {
 struct Profile {
   std::vector<double> x;      ///< nodes along x, m
   std::vector<double> height; ///< contour of the volume fraction at one half of the dense one
-  std::vector<double>
-      static_height; ///< top of the zone at the floor that is slower than the threshold
+  /// top of the zone at the base that is slower than the threshold
+  std::vector<double> static_height;
+  /// what the material lies on, to half a cell: 0 on the floor, more on an obstacle. Empty: 0
+  std::vector<double> base{};
 };
 
 /// Height above the floor at which `value` falls below `level`, going up one column of nodes from
-/// `node` (its entry `axis` is overwritten), linear between nodes; 0 if it starts below.
+/// entry `first` of `axis` (that of `node` is overwritten), linear between nodes; that of the first
+/// node if it starts below.
 template <int Dim, class Value>
 double height_of_contour(const Grid<Dim>& grid, Index<Dim> node, int axis, double level,
-                         const Value& value) {
+                         const Value& value, int first = 0) {
   double below = std::numeric_limits<double>::quiet_NaN();
-  for (int k = 0; k <= grid.cells(axis); ++k) {
+  for (int k = first; k <= grid.cells(axis); ++k) {
     node[axis] = k;
     const double here = value(node);
-    if (!(here >= level)) {
-      if (k == 0)
-        return 0;
-      return grid.spacing()[axis] * (k - 1 + (below - level) / (below - here));
-    }
+    if (!(here >= level))
+      return grid.spacing()[axis] * (k == first ? k : k - 1 + (below - level) / (below - here));
     below = here;
   }
   return grid.size()[axis];
 }
 
-/// The profile along x at node row `row` across the channel (0: next to the side wall; 2-D:
-/// ignored). static_speed: m/s, what counts as flowing (0.01 m/s in Rousseau et al. 2023).
+constexpr int middle_row = -1; ///< of nodes across the channel, for measure_profile
+
+/// The profile along x at node row `row` across the channel, 0 to cells(1): 0 is next to the side
+/// wall, middle_row the middle one (2-D: ignored). In each column of nodes it is that of the lowest
+/// material; where there is none, all heights are 0. static_speed: m/s, what counts as flowing
+/// (0.01 m/s in Rousseau et al. 2023). Throws std::invalid_argument for a row that is not there.
 template <class Flow>
-Profile measure_profile(const Flow& flow, int row = 0, double static_speed = 0.01) {
+Profile measure_profile(const Flow& flow, int row = middle_row, double static_speed = 0.01) {
   constexpr int dim = Flow::dimension, up = up_axis<dim>;
   const auto& grid = flow.grid();
+  if constexpr (dim == 3) {
+    if (row == middle_row)
+      row = grid.cells(1) / 2;
+    if (row < 0 || row > grid.cells(1))
+      throw_invalid("measure_profile: row", row,
+                    "middle_row, or 0 to " + std::to_string(grid.cells(1)));
+  }
+  const auto fraction = [&](const Index<dim>& n) { return flow.volume_fraction(n); };
   Profile profile;
   for (int i = 0; i <= grid.cells(0); ++i) {
     Index<dim> node;
     node[0] = i;
     if constexpr (dim == 3)
       node[1] = row;
-    const double surface = height_of_contour(
-        grid, node, up, 0.5, [&](const Index<dim>& n) { return flow.volume_fraction(n); });
-    const double still = height_of_contour(grid, node, up, -static_speed, [&](const Index<dim>& n) {
-      return -flow.velocity(n).norm();
-    });
+    const auto dense = [&](int k) {
+      node[up] = k;
+      return fraction(node) >= 0.5;
+    };
+    int first = 0; // the lowest node with material
+    while (first <= grid.cells(up) && !dense(first))
+      ++first;
+    if (first > grid.cells(up))
+      first = 0;
+    const double base = grid.spacing()[up] * first;
+    const double surface = height_of_contour(grid, node, up, 0.5, fraction, first);
+    const double still = height_of_contour(
+        grid, node, up, -static_speed,
+        [&](const Index<dim>& n) { return -flow.velocity(n).norm(); }, first);
     profile.x.push_back(grid.node_position(node)[0]);
     profile.height.push_back(surface);
     profile.static_height.push_back(std::min(surface, still));
+    profile.base.push_back(base);
   }
   return profile;
 }
@@ -79,31 +102,39 @@ inline Profile profile_beyond(const Profile& profile, double x) {
   };
   if (first == std::ssize(profile.x))
     throw_invalid("profile_beyond: x", x, "less than that of the profile's last node");
-  return {part(profile.x), part(profile.height), part(profile.static_height)};
+  return {part(profile.x), part(profile.height), part(profile.static_height),
+          profile.base.empty() ? profile.base : part(profile.base)};
 }
 
-/// Where the deposit that starts upstream ends: the first x at which the surface falls to `level`
-/// (m above the floor), linear between nodes; the last node if it never does.
+/// Where the deposit ends downstream: the first x at which the surface falls to `level` (m above
+/// the floor) after it was above it, linear between nodes; the last node if it never falls, the
+/// first if it never is above.
 inline double front_position(const Profile& profile, double level) {
-  for (std::size_t i = 0; i < profile.x.size(); ++i)
+  std::size_t first = 0; // node of the deposit
+  while (first < profile.x.size() && !(profile.height[first] > level))
+    ++first;
+  if (first == profile.x.size())
+    return profile.x.front();
+  for (std::size_t i = first + 1; i < profile.x.size(); ++i)
     if (!(profile.height[i] > level)) {
-      if (i == 0)
-        return profile.x[0];
       const double above = profile.height[i - 1] - level, below = profile.height[i] - level;
       return profile.x[i - 1] + (profile.x[i] - profile.x[i - 1]) * above / (above - below);
     }
   return profile.x.back();
 }
 
-/// Area under the surface, m².
+/// Area between the base and the surface, m².
 inline double area_under(const Profile& profile) {
+  const auto depth = [&](std::size_t i) {
+    return profile.height[i] - (profile.base.empty() ? 0 : profile.base[i]);
+  };
   double area = 0;
   for (std::size_t i = 1; i < profile.x.size(); ++i)
-    area += (profile.x[i] - profile.x[i - 1]) * (profile.height[i] + profile.height[i - 1]) / 2;
+    area += (profile.x[i] - profile.x[i - 1]) * (depth(i) + depth(i - 1)) / 2;
   return area;
 }
 
-/// Volume under the surface over the whole width: m³ in 3-D, m² in 2-D.
+/// Volume between the base and the surface over the whole width: m³ in 3-D, m² in 2-D.
 template <class Flow>
 double volume_under_surface(const Flow& flow) {
   if constexpr (Flow::dimension == 2) {
@@ -117,7 +148,7 @@ double volume_under_surface(const Flow& flow) {
   }
 }
 
-/// Mean height of the surface above the floor, m.
+/// Mean height of the surface above what the material lies on, m.
 template <class Flow>
 double mean_surface_height(const Flow& flow) {
   const auto& size = flow.grid().size();
@@ -131,6 +162,15 @@ double largest_speed(const Flow& flow) {
   for (const auto& v : flow.particles().velocity)
     largest = std::max(largest, v.squaredNorm());
   return std::sqrt(largest);
+}
+
+/// Last coordinate of the highest particle, m; -infinity without any.
+template <class Flow>
+double highest_particle(const Flow& flow) {
+  double highest = -std::numeric_limits<double>::infinity();
+  for (const auto& x : flow.particles().position)
+    highest = std::max<double>(highest, x[up_axis<Flow::dimension>]);
+  return highest;
 }
 
 /// Largest x of the particles that are not faster than `speed` (m/s), m; -infinity without any.
@@ -149,6 +189,8 @@ class RestDetector {
   /// threshold: m/s; hold: s without a speed above it that count as rest.
   RestDetector(double threshold, double hold) : threshold_(threshold), hold_(hold) {}
 
+  /// speed: m/s at `time`, s; infinity while something drives the material that will end, such as a
+  /// gate that has not left it.
   void update(double time, double speed) {
     time_ = time;
     if (!(speed <= threshold_))

@@ -13,11 +13,12 @@ namespace talus {
 /// where ‖D‖ is half of the shear rate of a simple shear, and the factor f says which measure of
 /// the strain rate a law was fitted with. Published parameters depend on that convention: Rousseau
 /// et al. 2023 take f = 1 and the density of the medium; Jop, Forterre & Pouliquen 2006, where I_0
-/// = 0.279 comes from, f = 2 (the shear rate) and the density of the grains.
+/// = 0.279 comes from, f = 2 (the shear rate) and the density of the grains. So nothing has a
+/// default.
 struct InertialNumber {
   double grain_diameter = 0; ///< d_g, m
   double density = 0;        ///< ρ, kg/m³
-  double strain_factor = 1;  ///< f
+  double strain_factor = 0;  ///< f: 1 for half of the shear rate, 2 for the shear rate
 
   void validate() const {
     require_positive("rheology.inertial.grain_diameter", grain_diameter);

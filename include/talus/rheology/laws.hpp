@@ -27,6 +27,8 @@ class ConstantFriction {
 
 /// The law of dense flows of Jop, Forterre & Pouliquen 2006:
 /// \f[ μ(I) = μ_s + \frac{μ_2 − μ_s}{1 + I_0/I}. \f]
+/// The defaults are those of Jop et al. for glass beads, fitted with f = 2 and the density of the
+/// grains (see InertialNumber); Rousseau et al. 2023 take them with f = 1 and that of the medium.
 struct MuOfICurve {
   double mu_static = 0.38; ///< μ_s, at I = 0
   double mu_limit = 0.64;  ///< μ_2, for I → ∞; ≥ μ_s

@@ -12,6 +12,7 @@
 #include "talus/step/free_bodies.hpp"
 
 #include <algorithm>
+#include <charconv>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -80,8 +81,15 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
     for (int a = 0; a < Dim; ++a) {
       require_finite("a particle's velocity", particles.velocity[p][a]);
       const double x = particles.position[p][a];
-      if (!(x >= lower[a] && x <= upper[a]))
-        throw_invalid("a particle's coordinate", x, "a position in the box of the grid");
+      if (!(x >= lower[a] && x <= upper[a])) {
+        char beyond[32]; // rounding would not be seen in the coordinate itself
+        *std::to_chars(beyond, beyond + sizeof beyond - 1, std::max(lower[a] - x, x - upper[a]),
+                       std::chars_format::scientific, 1)
+             .ptr = '\0';
+        throw_invalid("a particle's coordinate", x,
+                      std::string("a position in the box of the grid; it is ") + beyond +
+                          " m outside");
+      }
       for (int b = 0; b < Dim; ++b)
         require_finite("a particle's affine matrix", particles.affine[p](a, b));
       for (int b = 0; !particles.mixed.empty() && b < particles.mixed[p].cols(); ++b)
