@@ -604,7 +604,7 @@ class Simulation {
                         }
                       });
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
-                             velocity_before_, divergence_, time_step_, lower, upper,
+                             velocity_before_, divergence_, moments_, time_step_, lower, upper,
                              params_.threads);
   }
 

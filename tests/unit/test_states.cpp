@@ -553,12 +553,12 @@ namespace {
 /// A transfer that throws half way.
 struct MoodyTransfer {
   struct Params {};
-  static constexpr bool affine = false;
+  static constexpr ParticleField field = ParticleField::constant;
   MoodyTransfer() = default;
   explicit MoodyTransfer(const Params&) {}
   template <int Dim>
-  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>&) const {
-    v = sample.velocity * moody(1);
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity * moody(1);
   }
 };
 
@@ -669,7 +669,7 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
   for (auto& v : sand.velocity)
     v = {1, 0};
   params.faces.lower[1] = {FaceKind::slip};
-  params.packing = {.slack = 0.02, .spreading = 0};
+  params.packing = {.slack = 0.02, .dilatancy = 0};
   Sim<> sim(params, sand);
   const StepReport report = sim.step();
   CHECK(report.courant == doctest::Approx(2e-3 / 0.02).epsilon(0.05));

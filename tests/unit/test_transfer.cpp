@@ -255,7 +255,8 @@ void check_samples() {
   std::vector<double> divergence(u.size());
   for (double& d : divergence)
     d = random.uniform();
-  grid_to_particles(after, cloud.order, grid, Record(), u, before, divergence, dt, lower, upper, 2);
+  grid_to_particles(after, cloud.order, grid, Record(), u, before, divergence, cloud.moments, dt,
+                    lower, upper, 2);
   for (std::size_t p = 0; p < after.size(); ++p) {
     const Vec<Dim> x = cloud.particles.position[p];
     const Index<Dim> cell = grid.cell_at(x);
@@ -352,8 +353,8 @@ double round_trip_loss(Transfer transfer, double time_step) {
   const Vec<Dim> everywhere = Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
   if constexpr (requires { transfer.prepare(TransferStep{}); })
     transfer.prepare({time_step, 30});
-  grid_to_particles(cloud.particles, cloud.order, grid, transfer, u, u, divergence, 0.0,
-                    Vec<Dim>(-everywhere), everywhere, 2);
+  grid_to_particles(cloud.particles, cloud.order, grid, transfer, u, u, divergence, cloud.moments,
+                    0.0, Vec<Dim>(-everywhere), everywhere, 2);
   cloud.gather(Transfer::field);
   const auto after = nodal_velocities(cloud);
   double lost = 0, all = 0;
@@ -400,16 +401,16 @@ TEST_CASE("APIC reproduces affine fields") {
 TEST_CASE(
     "PolyPIC loses nothing of the grid's field, APIC and PIC do in every step, however short") {
   for (const double time_step : {1e-3, 1e-6}) {
-    CHECK(round_trip_loss<2>(PolyPic({.damping = 0}), time_step) < 1e-13);
-    CHECK(round_trip_loss<3>(PolyPic({.damping = 0}), time_step) < 1e-13);
+    CHECK(round_trip_loss<2>(PolyPic({.damping = 0, .thin_damping = 0}), time_step) < 1e-13);
+    CHECK(round_trip_loss<3>(PolyPic({.damping = 0, .thin_damping = 0}), time_step) < 1e-13);
     CHECK(round_trip_loss<2>(Apic(), time_step) > 0.1);
     CHECK(round_trip_loss<3>(Apic(), time_step) > 0.1);
     CHECK(round_trip_loss<3>(Pic(), time_step) > round_trip_loss<3>(Apic(), time_step));
   }
   // what is damped is a rate
-  const double once = round_trip_loss<3>(PolyPic({.damping = 10}), 1e-5);
+  const double once = round_trip_loss<3>(PolyPic({.damping = 10, .thin_damping = 0}), 1e-5);
   CHECK(once > 0);
-  CHECK(round_trip_loss<3>(PolyPic({.damping = 10}), 2e-5) ==
+  CHECK(round_trip_loss<3>(PolyPic({.damping = 10, .thin_damping = 0}), 2e-5) ==
         doctest::Approx(2 * once).epsilon(0.01));
 }
 
@@ -420,6 +421,7 @@ TEST_CASE("transfer schemes update a particle as they say") {
   sample.gradient = Mat<2>::Identity();
   sample.mixed = {3, 4};
   sample.divergence_error = 0.5;
+  sample.cell_fill = 0.75;
   const TransferStep step{.time_step = 0.1, .grid_rate = 2};
   const auto updated = [&](auto transfer) {
     VelocityField<2> p{{10, 20}, Mat<2>::Zero(), MixedDerivatives<2>::Zero()};
@@ -428,7 +430,10 @@ TEST_CASE("transfer schemes update a particle as they say") {
     transfer.update(sample, p);
     return p;
   };
-  const VelocityField<2> poly = updated(PolyPic({.damping = 5})); // keeps 1/e
+  const VelocityField<2> thin = updated(PolyPic({.damping = 0, .thin_damping = 4}));
+  CHECK((thin.gradient - std::exp(-0.2) * Mat<2>::Identity()).norm() < 1e-15);
+  CHECK((thin.mixed - std::exp(-0.2) * sample.mixed).norm() < 1e-15);
+  const VelocityField<2> poly = updated(PolyPic({.damping = 5, .thin_damping = 0})); // keeps 1/e
   CHECK(poly.velocity == Vec<2>(1, 2));
   CHECK((poly.gradient - Mat<2>::Identity() * (1 - (1 - std::exp(-1)) / 4)).norm() < 1e-15);
   CHECK((poly.mixed - std::exp(-1) * sample.mixed).norm() < 1e-15);
@@ -442,6 +447,7 @@ TEST_CASE("transfer schemes update a particle as they say") {
             .norm() < 1e-14);
   CHECK_THROWS_AS(Flip({.damping = -1}), std::invalid_argument);
   CHECK_THROWS_AS(PolyPic({.damping = -1}), std::invalid_argument);
+  CHECK_THROWS_AS(PolyPic({.thin_damping = -1}), std::invalid_argument);
 }
 
 TEST_CASE("dense material with a free surface is dense, loose material is not") {

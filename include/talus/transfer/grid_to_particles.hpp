@@ -5,6 +5,7 @@
 #include "talus/core/parallel.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
+#include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/particle_lanes.hpp"
 #include "talus/transfer/transfer_scheme.hpp"
@@ -92,7 +93,8 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
                        const Grid<Dim>& grid, const Transfer& transfer,
                        const std::vector<NodeVelocity>& velocity,
                        const std::vector<NodeVelocity>& before,
-                       const std::vector<double>& divergence, double time_step,
+                       const std::vector<double>& divergence,
+                       const std::vector<CellMoments<Dim>>& moments, double time_step,
                        const Vec<Dim>& lower, const Vec<Dim>& upper, int threads) {
   constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   constexpr bool multilinear = Transfer::field == ParticleField::multilinear;
@@ -124,8 +126,11 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
     const Index<Dim> cell = grid.cell_index(cell_number);
     const int first_node = grid.first_node(cell);
     const CellField<Dim> now = field(velocity, first_node), then = field(before, first_node);
-    double divergence_error = 0;
+    double divergence_error = 0, fill = 0;
     if constexpr (multilinear) {
+      for (int c = 0; c < Grid<Dim>::corners; ++c)
+        fill += corner_volume(moments[static_cast<std::size_t>(cell_number)], c);
+      fill /= grid.cell_volume();
       for (std::size_t a = 0; a < dim; ++a)
         divergence_error +=
             now.mean_slope(a, a) * grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
@@ -166,6 +171,7 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
             sample.mixed.data()[m * dim + a] = pack.mixed[m][a][lane];
         }
         sample.divergence_error = divergence_error;
+        sample.cell_fill = fill;
         const std::size_t p = order.particle(first + l);
         VelocityField<Dim> own;
         own.velocity = particles.velocity[p].template cast<double>();

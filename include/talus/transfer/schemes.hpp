@@ -20,35 +20,45 @@ namespace talus {
 /// damped at a rate of their own,
 /// \f[ m_S ← κ\, m_S, \quad C_p ← C_p − (1 − κ)\, \frac{E}{d} I, \quad
 ///     κ = e^{−c \sqrt{g/h}\, δt}. \f]
-/// A smooth flow loses energy to it in proportion to c sqrt(g/h) h⁴. See docs/accuracy.md.
+/// In a cell that is filled to a share f < 1, the nodes beyond the free surface get velocities that
+/// are extrapolated from a thin layer, and may move much faster than it. Friction slows them by
+/// what they weigh, which is less than the layer does, so that it would slide too far. There C_p
+/// and m_S lose the rate b (1 − f) sqrt(g/h) as well. A smooth flow loses energy to κ in proportion
+/// to c sqrt(g/h) h⁴. See docs/accuracy.md.
 struct PolyPic {
   struct Params {
-    double damping = 10; ///< c, >= 0, in units of sqrt(|g|/h), h the shortest edge of a cell
+    double damping = 10;       ///< c, >= 0, in units of sqrt(|g|/h), h the shortest edge of a cell
+    double thin_damping = 0.2; ///< b, >= 0, in the same units
   };
   static constexpr ParticleField field = ParticleField::multilinear;
   PolyPic() = default;
 
-  /// Throws std::invalid_argument unless 0 <= damping.
-  explicit PolyPic(const Params& params) : damping_(params.damping) {
-    require_non_negative("transfer.damping", damping_);
+  /// Throws std::invalid_argument unless both are finite and >= 0.
+  explicit PolyPic(const Params& params) : params_(params) {
+    require_non_negative("transfer.damping", params_.damping);
+    require_non_negative("transfer.thin_damping", params_.thin_damping);
   }
 
   void prepare(const TransferStep& step) {
-    kept_ = std::exp(-damping_ * step.grid_rate * step.time_step);
+    const double natural = step.grid_rate * step.time_step;
+    kept_ = std::exp(-params_.damping * natural);
+    thin_rate_ = params_.thin_damping * natural;
   }
 
   template <int Dim>
   void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
     p.velocity = sample.velocity;
-    p.gradient = sample.gradient;
+    const double beyond = sample.cell_fill < 1 ? std::exp(-thin_rate_ * (1 - sample.cell_fill)) : 1;
+    p.gradient = beyond * sample.gradient;
     const double lost = (1 - kept_) * sample.divergence_error / Dim;
     for (int a = 0; a < Dim; ++a)
       p.gradient(a, a) -= lost;
-    p.mixed = kept_ * sample.mixed;
+    p.mixed = beyond * kept_ * sample.mixed;
   }
 
  private:
-  double damping_ = Params{}.damping, kept_ = 1;
+  Params params_{};
+  double kept_ = 1, thin_rate_ = 0;
 };
 
 /// Affine particle-in-cell (Jiang et al. 2015):

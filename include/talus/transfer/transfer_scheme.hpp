@@ -30,6 +30,7 @@ struct GridSample : VelocityField<Dim> {
   /// tr ∇u in the middle of the cell less the mean of what its nodes see, Σ_j u_j·g_ij/Σ V_p N_i,
   /// 1/s: a part of the divergence on which no stress acts. For multilinear fields only.
   double divergence_error;
+  double cell_fill; ///< Σ V_p of the particle's cell over the cell's volume. As above.
 };
 
 /// What a transfer may scale its rates by.
