@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: MIT
 //
 // How far a collapse depends on cells and time step: one case with cells h, h/2, … and two time
-// steps at each. From run to run one of the two is halved.
+// steps at each. From run to run one of the two is halved. Beside the differences stands what other
+// random positions of the particles change.
 
 #include "support/sweep.hpp"
 
@@ -9,6 +10,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
+#include <limits>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -20,7 +23,7 @@ using support::Values;
 
 struct Options {
   std::string case_name = "B15", preset = "paper";
-  int dimension = 2, levels = 2, per_axis = 3;
+  int dimension = 2, levels = 2, per_axis = 3, seeds = 3;
 };
 
 /// A row of the table, and where a run's summary.json has it.
@@ -59,7 +62,17 @@ std::string rounded(const char* format, double value) {
   return digits;
 }
 
-struct Level {
+/// Of a sample, by n − 1.
+double standard_deviation(const Values& values) {
+  const auto count = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
+  double sum = 0;
+  for (const double value : values)
+    sum += (value - mean) * (value - mean);
+  return std::sqrt(sum / (count - 1));
+}
+
+struct Run {
   std::string cell, step; ///< "h/2", "dt/4"
   std::string halved{};   ///< which of them is half of the last run's
   support::Job job{};
@@ -67,17 +80,17 @@ struct Level {
 };
 
 /// Cells h, h/2, …; at each a time step in proportion, and half of it.
-std::vector<Level> levels(const support::StudyOptions& study, const Options& options) {
+std::vector<Run> all_runs(const support::StudyOptions& study, const Options& options) {
   const auto part = [](const char* of, int divisor) {
     return divisor == 1 ? of : of + ("/" + std::to_string(divisor));
   };
   const double along = study.reference() ? 0.01 : 0.02, up = along / 2; // those of `collapse`
   const double time_step = study.reference() ? 8.3e-4 : 1.66e-3;
-  std::vector<Level> all;
+  std::vector<Run> all;
   for (int level = 0; level < options.levels; ++level)
     for (int half = 0; half < 2; ++half) {
       const int cells = 1 << level, steps = cells << half;
-      Level run{.cell = part("h", cells), .step = part("dt", steps)};
+      Run run{.cell = part("h", cells), .step = part("dt", steps)};
       run.halved = half == 1 ? run.step + " at " + run.cell : run.cell + " at " + run.step;
       run.job.name = "h" + std::to_string(cells) + "_dt" + std::to_string(steps);
       run.job.arguments = {"--case",
@@ -107,39 +120,65 @@ double cell_edge(const json& summary, std::size_t axis) {
 
 support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& study_options,
                             const Options& options) {
-  std::vector<Level> runs = levels(study_options, options);
+  std::vector<Run> runs = all_runs(study_options, options);
+  std::vector<Run> again; // the first one, from other places of the particles
+  for (int seed = 2; seed <= options.seeds; ++seed) {
+    again.push_back(runs[0]);
+    again.back().job.name += "_seed" + std::to_string(seed);
+    again.back().job.arguments.insert(again.back().job.arguments.end(),
+                                      {"--seed", std::to_string(seed)});
+  }
   std::vector<support::Job> jobs; // the longest first, so that no processor waits for it in the end
   for (auto run = runs.rbegin(); run != runs.rend(); ++run)
     jobs.push_back(run->job);
+  for (const Run& run : again)
+    jobs.push_back(run.job);
   const std::vector<json> summaries = sweep.run(jobs, "convergence");
-  for (std::size_t i = 0; i < runs.size(); ++i)
-    runs[i].summary = summaries[runs.size() - 1 - i];
+  auto summary = summaries.begin();
+  for (auto run = runs.rbegin(); run != runs.rend(); ++run)
+    run->summary = *summary++;
+  for (Run& run : again)
+    run.summary = *summary++;
 
   support::StudyResults results;
   results.title = options.case_name + " in " + std::to_string(options.dimension) + "-D, " +
-                  options.preset + " preset, from";
+                  options.preset + " preset: cells and time steps halved";
   results.inputs = {{"case", options.case_name},
                     {"preset", options.preset},
                     {"dimension", options.dimension},
                     {"levels", options.levels},
-                    {"particles_per_cell_edge", options.per_axis}};
+                    {"particles_per_cell_edge", options.per_axis},
+                    {"seeds", options.seeds}};
   const std::size_t up = static_cast<std::size_t>(options.dimension) - 1;
   results.columns = {"measure"};
-  for (const Level& run : runs) {
+  for (const Run& run : runs) {
     results.columns.push_back(run.cell + " " + run.step);
     results.measured["runs"][run.job.name] = run.summary.at("measured");
   }
   for (std::size_t i = 1; i < runs.size(); ++i)
     results.columns.push_back(runs[i].halved);
+  if (!again.empty())
+    results.columns.push_back("scatter");
+  for (const Run& run : again)
+    results.measured["runs"][run.job.name] = run.summary.at("measured");
   const auto row = [&](const std::string& name, const auto& value_of, bool differences) {
     std::vector<std::string> cells = {name};
-    for (const Level& run : runs)
+    for (const Run& run : runs)
       cells.push_back(rounded("%.4g", value_of(run.summary)));
     for (std::size_t i = 1; i < runs.size(); ++i) {
       const double change = value_of(runs[i].summary) - value_of(runs[i - 1].summary);
       cells.push_back(differences ? rounded("%+.2g", change) : "");
       if (differences)
         results.measured["differences"][runs[i].halved][name] = change;
+    }
+    if (!again.empty()) {
+      Values values = {value_of(runs[0].summary)};
+      for (const Run& run : again)
+        values.push_back(value_of(run.summary));
+      const double scatter = standard_deviation(values);
+      cells.push_back(differences ? rounded("%.2g", scatter) : "");
+      if (differences)
+        results.measured["scatter"][name] = scatter;
     }
     results.rows.push_back(cells);
   };
@@ -155,58 +194,58 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     row(
         measure.name, [&](const json& run) { return measure.of(run); }, true);
 
-  // Pictures: what is left, and measures against the cells' height.
   support::Panel deposits(
       {.title = "Deposits", .x = "x, down the slope (m)", .y = "height above the floor (m)"});
-  support::Panel tails({.title = "Beyond the gate, above the bed",
-                        .x = "run-out (m)",
-                        .y = "height above the bed (mm)",
-                        .log_y = true});
   support::Panel fronts({.title = "Fronts", .x = "time (s)", .y = "run-out above 2 mm (m)"});
-  for (const Level& run : runs) {
+  constexpr double thin = 0.01; // m
+  support::Panel tails({.title = "What lies thinner than 1 cm above the bed",
+                        .x = "x from the gate (m)",
+                        .y = "height above the bed (mm)"});
+  for (const Run& run : runs) {
+    const json& inputs = run.summary.at("inputs");
     char label[64];
-    std::snprintf(label, sizeof label, "h = %.3g mm, δt = %.2g ms",
-                  1e3 * cell_edge(run.summary, up),
-                  1e3 * run.summary.at("inputs").at("time_step_s").get<double>());
+    std::snprintf(label, sizeof label, "h = %.3g mm, δt = %.3g ms",
+                  1e3 * cell_edge(run.summary, up), 1e3 * inputs.at("time_step_s").get<double>());
     const auto folder = sweep.folder(run.job);
     support::add_final_profile(deposits, label, folder);
     support::add_front(fronts, label, folder);
     const support::RunTable table(folder / "profiles.csv");
-    const Values x = table.at(table.last_time(), "x_m");
-    const Values height = table.at(table.last_time(), "height_m");
-    const double gate = run.summary.at("inputs").at("column_length_m");
-    const double bed = run.summary.at("inputs").at("bed_depth_m");
-    Values runout, above;
-    for (std::size_t i = 0; i < x.size(); ++i)
-      if (x[i] > gate && height[i] - bed > 1e-4) {
-        runout.push_back(x[i] - gate);
-        above.push_back(1e3 * (height[i] - bed));
-      }
-    tails.add("line", label, runout, above);
+    Values x = table.at(table.last_time(), "x_m");
+    Values height = table.at(table.last_time(), "height_m");
+    for (double& place : x)
+      place -= inputs.at("column_length_m").get<double>();
+    for (double& above : height) {
+      above -= inputs.at("bed_depth_m").get<double>();
+      above = above < thin ? 1e3 * above : std::numeric_limits<double>::quiet_NaN();
+    }
+    tails.add("line", label, x, height);
   }
+  // A measure against the cells' height, for both time steps, in units of `unit`; from `zero` on.
   const auto against_cells = [&](support::Panel& panel, const std::string& label,
-                                 const std::string& name) {
+                                 const std::string& name, double unit, bool change) {
     const auto measure = std::ranges::find(measures, name, &Measure::name);
-    for (const bool half : {false, true}) {
+    const double zero = change ? measure->of(runs[0].summary) : 0;
+    for (const std::size_t half : {0u, 1u}) {
       Values edges, values;
-      for (std::size_t i = half ? 1 : 0; i < runs.size(); i += 2) {
+      for (std::size_t i = half; i < runs.size(); i += 2) {
         edges.push_back(1e3 * cell_edge(runs[i].summary, up));
-        values.push_back(measure->of(runs[i].summary));
+        values.push_back((measure->of(runs[i].summary) - zero) / unit);
       }
-      panel.add(half ? "dashed" : "line", label + (half ? ": δt/2" : ""), edges, values);
+      panel.add(half == 1 ? "dashed" : "line", label + (half == 1 ? ": δt/2" : ""), edges, values);
     }
   };
   const std::string edge = "height of a cell, h (mm)";
   support::Panel runouts({.title = "Run-out above a height", .x = edge, .y = "run-out (m)"});
-  for (const char* mm : {"1", "2", "3", "5"})
-    against_cells(runouts, std::string(mm) + " mm", "runout_above_" + std::string(mm) + "_mm_m");
+  for (const std::string mm : {"1", "2", "3", "5"})
+    against_cells(runouts, mm + " mm", "runout_above_" + mm + "_mm_m", 1, false);
   support::Panel places(
-      {.title = "Without a threshold: from the gate", .x = edge, .y = "length (m)"});
-  against_cells(places, "99 % of the volume", "runout_99_m");
-  against_cells(places, "95 %", "runout_95_m");
-  against_cells(places, "H_f", "height_final_m");
+      {.title = "Without a threshold: change from the first run", .x = edge, .y = "change (mm)"});
+  against_cells(places, "99 % of the volume", "runout_99_m", 1e-3, true);
+  against_cells(places, "95 %", "runout_95_m", 1e-3, true);
+  against_cells(places, "centre of mass, x", "centre_of_mass_x_m", 1e-3, true);
+  against_cells(places, "H_f", "height_final_m", 1e-3, true);
   support::Panel times({.title = "Rest", .x = edge, .y = "rest time (s)"});
-  against_cells(times, "rest time", "rest_time_s");
+  against_cells(times, "rest time", "rest_time_s", 1, false);
   results.panels = {deposits, tails, runouts, places, fronts, times};
   return results;
 }
@@ -233,6 +272,11 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--particles-per-edge", options.per_axis, "Along a cell's edge, in all runs")
       ->check(CLI::Range(1, 20))
+      ->capture_default_str();
+  app.add_option("--seeds", options.seeds,
+                 "Runs of the coarsest cells with other random positions of the particles: what "
+                 "differs between them is chance")
+      ->check(CLI::Range(1, 100))
       ->capture_default_str();
   support::add_study_options(app, study_options, "convergence");
   return support::run_program(app, argc, argv, [&] {

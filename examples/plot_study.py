@@ -68,7 +68,8 @@ def draw_panel(axes, panel):
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     handles = dict(zip(*reversed(axes.get_legend_handles_labels())))  # one for each name
-    axes.legend(handles.values(), handles.keys(), loc="best", framealpha=0.95, fontsize=11)
+    axes.legend(handles.values(), handles.keys(), loc="best", framealpha=0.95, fontsize=11,
+                ncols=2 if len(handles) > 6 else 1)
 
 
 def draw(picture):
