@@ -62,14 +62,17 @@ std::string rounded(const char* format, double value) {
   return digits;
 }
 
-/// Of a sample, by n − 1.
+double mean(const Values& values) {
+  return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+/// Of a sample: by n − 1.
 double standard_deviation(const Values& values) {
-  const auto count = static_cast<double>(values.size());
-  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
+  const double middle = mean(values);
   double sum = 0;
   for (const double value : values)
-    sum += (value - mean) * (value - mean);
-  return std::sqrt(sum / (count - 1));
+    sum += (value - middle) * (value - middle);
+  return std::sqrt(sum / (static_cast<double>(values.size()) - 1));
 }
 
 struct Run {
@@ -161,6 +164,12 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     results.columns.push_back("scatter");
   for (const Run& run : again)
     results.measured["runs"][run.job.name] = run.summary.at("measured");
+  const auto seeds = [&](const auto& value_of) {
+    Values values = {value_of(runs[0].summary)};
+    for (const Run& run : again)
+      values.push_back(value_of(run.summary));
+    return values;
+  };
   const auto row = [&](const std::string& name, const auto& value_of, bool differences) {
     std::vector<std::string> cells = {name};
     for (const Run& run : runs)
@@ -172,10 +181,7 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
         results.measured["differences"][runs[i].halved][name] = change;
     }
     if (!again.empty()) {
-      Values values = {value_of(runs[0].summary)};
-      for (const Run& run : again)
-        values.push_back(value_of(run.summary));
-      const double scatter = standard_deviation(values);
+      const double scatter = standard_deviation(seeds(value_of));
       cells.push_back(differences ? rounded("%.2g", scatter) : "");
       if (differences)
         results.measured["scatter"][name] = scatter;
@@ -220,24 +226,29 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     }
     tails.add("line", label, x, height);
   }
-  // A measure against the cells' height, for both time steps, in units of `unit`; from `zero` on.
+  // A measure against the cells' height, in units of `unit`, from `zero` on.
   const auto against_cells = [&](support::Panel& panel, const std::string& label,
-                                 const std::string& name, double unit, bool change) {
-    const auto measure = std::ranges::find(measures, name, &Measure::name);
-    const double zero = change ? measure->of(runs[0].summary) : 0;
+                                 const std::string& name, double unit = 1, bool change = false) {
+    const Measure& measure = *std::ranges::find(measures, name, &Measure::name);
+    const double zero = change ? measure.of(runs[0].summary) : 0;
     for (const std::size_t half : {0u, 1u}) {
       Values edges, values;
       for (std::size_t i = half; i < runs.size(); i += 2) {
         edges.push_back(1e3 * cell_edge(runs[i].summary, up));
-        values.push_back((measure->of(runs[i].summary) - zero) / unit);
+        values.push_back((measure.of(runs[i].summary) - zero) / unit);
       }
-      panel.add(half == 1 ? "dashed" : "line", label + (half == 1 ? ": δt/2" : ""), edges, values);
+      panel.add(half == 1 ? "dashed" : "line", label + (half == 1 ? ":" : ""), edges, values);
     }
+    if (again.empty())
+      return;
+    const Values first = seeds([&](const json& run) { return measure.of(run); });
+    panel.add("points", label, {1e3 * cell_edge(runs[0].summary, up)},
+              {(mean(first) - zero) / unit}, {standard_deviation(first) / unit});
   };
-  const std::string edge = "height of a cell, h (mm)";
+  const std::string edge = "height of a cell, h (mm); dashed: half the time step";
   support::Panel runouts({.title = "Run-out above a height", .x = edge, .y = "run-out (m)"});
   for (const std::string mm : {"1", "2", "3", "5"})
-    against_cells(runouts, mm + " mm", "runout_above_" + mm + "_mm_m", 1, false);
+    against_cells(runouts, mm + " mm", "runout_above_" + mm + "_mm_m");
   support::Panel places(
       {.title = "Without a threshold: change from the first run", .x = edge, .y = "change (mm)"});
   against_cells(places, "99 % of the volume", "runout_99_m", 1e-3, true);
@@ -245,7 +256,7 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
   against_cells(places, "centre of mass, x", "centre_of_mass_x_m", 1e-3, true);
   against_cells(places, "H_f", "height_final_m", 1e-3, true);
   support::Panel times({.title = "Rest", .x = edge, .y = "rest time (s)"});
-  against_cells(times, "rest time", "rest_time_s", 1, false);
+  against_cells(times, "rest time", "rest_time_s");
   results.panels = {deposits, tails, runouts, places, fronts, times};
   return results;
 }

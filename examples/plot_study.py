@@ -31,7 +31,9 @@ def numbers(values):
 
 def draw_curve(axes, curve, colour, marker):
     x, y = numbers(curve["x"]), numbers(curve["y"])
-    label = curve["label"] or None
+    label = curve["label"]
+    if not label or label.endswith(":"):  # not in the legend
+        label = None
     kind = curve["kind"]
     if kind == "band":
         axes.fill_between(x, y, numbers(curve["high"]), color=colour, alpha=0.18, lw=0,
@@ -68,8 +70,7 @@ def draw_panel(axes, panel):
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     handles = dict(zip(*reversed(axes.get_legend_handles_labels())))  # one for each name
-    axes.legend(handles.values(), handles.keys(), loc="best", framealpha=0.95, fontsize=11,
-                ncols=2 if len(handles) > 6 else 1)
+    axes.legend(handles.values(), handles.keys(), loc="best", framealpha=0.95, fontsize=11)
 
 
 def draw(picture):
