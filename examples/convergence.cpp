@@ -242,15 +242,20 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     if (again.empty())
       return;
     const Values first = seeds([&](const json& run) { return measure.of(run); });
+    if (!std::isfinite(mean(first)))
+      return;
     panel.add("points", label, {1e3 * cell_edge(runs[0].summary, up)},
               {(mean(first) - zero) / unit}, {standard_deviation(first) / unit});
   };
   const std::string edge = "height of a cell, h (mm); dashed: half the time step";
-  support::Panel runouts({.title = "Run-out above a height", .x = edge, .y = "run-out (m)"});
+  support::Panel runouts(
+      {.title = "Run-out above a height (bars: other seeds)", .x = edge, .y = "run-out (m)"});
   for (const std::string mm : {"1", "2", "3", "5"})
     against_cells(runouts, mm + " mm", "runout_above_" + mm + "_mm_m");
   support::Panel places(
-      {.title = "Without a threshold: change from the first run", .x = edge, .y = "change (mm)"});
+      {.title = "Without a threshold: change from the first run (bars: other seeds)",
+       .x = edge,
+       .y = "change (mm)"});
   against_cells(places, "99 % of the volume", "runout_99_m", 1e-3, true);
   against_cells(places, "95 %", "runout_95_m", 1e-3, true);
   against_cells(places, "centre of mass, x", "centre_of_mass_x_m", 1e-3, true);
