@@ -13,8 +13,10 @@
 #include "talus/cone/fischer_burmeister_newton.hpp"
 #include "talus/cone/law.hpp"
 #include "talus/cone/secular.hpp"
+#include "talus/diagnostics/deposit.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/quantiles.hpp"
+#include "talus/diagnostics/totals.hpp"
 #include "talus/io/csv.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/scene/collapse.hpp"
@@ -307,9 +309,26 @@ int run(const Options& options, const Case& collapse) {
                    {"end_time_s", run.time()}};
   // The front may be thinner than a cell: how far the run-out hangs on the threshold.
   const talus::Profile deposit = talus::measure_profile(sim, 0, threshold_speed);
+  const auto measure_above = [&](const std::string& name, double height) {
+    measured["runout_by_threshold_m"][name] =
+        talus::front_position(deposit, setup.bed_depth + height) - setup.column_length;
+  };
   for (int mm = 1; mm <= 5; ++mm)
-    measured["runout_by_threshold_m"][std::to_string(mm) + " mm"] =
-        talus::front_position(deposit, setup.bed_depth + 1e-3 * mm) - setup.column_length;
+    measure_above(std::to_string(mm) + " mm", 1e-3 * mm);
+  for (const int grains : {2, 4, 6, 8})
+    measure_above(std::to_string(grains) + " grains", grains * collapse.material.grain_diameter);
+  measure_above("half a cell", grid.spacing()[Dim - 1] / 2);
+  // and measures without one
+  const talus::Vec<Dim> centre = talus::centre_of_mass(sim.particles());
+  measured["centre_of_mass_m"] = std::vector<double>(centre.begin(), centre.end());
+  for (const int percent : {95, 99})
+    measured["runout_" + std::to_string(percent) + "_m"] =
+        talus::volume_quantile(sim.particles(), percent / 100.0, setup.column_length,
+                               setup.bed_depth) -
+        setup.column_length;
+  measured["potential_energy_J"] = // in 2-D: J/m
+      talus::potential_energy<Dim>(sim.particles(), params.material.density, params.gravity);
+  measured["kinetic_energy_J"] = talus::kinetic_energy(sim.particles(), params.material.density);
   if (setup.bed_depth == 0) // on a bed the column's particles are not told from the bed's
     measured["farthest_at_rest_m"] = talus::farthest_at_rest(sim.particles(), threshold_speed);
   run.write_summary({{"measured", measured}, {"published", collapse.published}});

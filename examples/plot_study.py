@@ -31,7 +31,9 @@ def numbers(values):
 
 def draw_curve(axes, curve, colour, marker):
     x, y = numbers(curve["x"]), numbers(curve["y"])
-    label = curve["label"] or None
+    label = curve["label"]
+    if not label or label.endswith(":"):  # not in the legend
+        label = None
     kind = curve["kind"]
     if kind == "band":
         axes.fill_between(x, y, numbers(curve["high"]), color=colour, alpha=0.18, lw=0,

@@ -276,11 +276,12 @@ class Toml {
       }
   }
 
-  /// All numbers of this table.
+  /// All numbers of this table and of the tables in it.
   nlohmann::json to_json() const {
     nlohmann::json json;
     for (const auto& [key, value] : table_)
-      json[std::string(key.str())] = number(key.str());
+      json[std::string(key.str())] =
+          value.is_table() ? table(key.str()).to_json() : nlohmann::json(number(key.str()));
     return json;
   }
 

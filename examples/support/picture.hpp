@@ -27,8 +27,9 @@ class Panel {
       : json_{{"title", axes.title}, {"x", axes.x},         {"y", axes.y},
               {"log", axes.log},     {"log_y", axes.log_y}, {"curves", nlohmann::json::array()}} {}
 
-  /// kind: line, dashed, points, or reference (black). y_error: half lengths of error bars, or
-  /// none.
+  /// kind: line, dashed, points, or reference (black). label: curves of one name, up to a colon,
+  /// share a colour; empty or with the colon at its end it is not in the legend. y_error: half
+  /// lengths of error bars, or none.
   Panel& add(const std::string& kind, const std::string& label, const Values& x, const Values& y,
              const Values& y_error = {}) {
     json_["curves"].push_back(

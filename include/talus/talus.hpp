@@ -34,6 +34,7 @@
 #include "talus/core/symmetric_eigen.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/deposit.hpp"
 #include "talus/diagnostics/find_root.hpp"
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/particle_fields.hpp"

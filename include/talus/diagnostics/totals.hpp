@@ -38,4 +38,26 @@ Vec<Dim> mean_velocity(const Particles<Dim, Real>& particles) {
   return sum / total_volume(particles);
 }
 
+/// ρ Σ V_p |v_p|²/2, J (2-D: J/m). density: ρ, kg/m³. The motion within a particle (C_p and the
+/// mixed derivatives) is not counted.
+template <int Dim, class Real>
+double kinetic_energy(const Particles<Dim, Real>& particles, double density) {
+  double sum = 0;
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    sum += static_cast<double>(particles.volume[p]) *
+           particles.velocity[p].template cast<double>().squaredNorm() / 2;
+  return density * sum;
+}
+
+/// −ρ Σ V_p g·x_p, J (2-D: J/m); 0 at the origin of the coordinates. density: ρ, kg/m³; gravity:
+/// g, m/s².
+template <int Dim, class Real>
+double potential_energy(const Particles<Dim, Real>& particles, double density,
+                        const Vec<Dim>& gravity) {
+  double sum = 0;
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    sum += static_cast<double>(particles.volume[p]) * gravity.dot(particles.position[p]);
+  return -density * sum;
+}
+
 } // namespace talus
