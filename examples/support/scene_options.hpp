@@ -90,7 +90,7 @@ typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
   }
   params.faces.lower[up] = {talus::FaceKind::stick};
   params.faces.upper[up] = {talus::FaceKind::free};
-  params.gravity[up] = -gravity;
+  params.gravity = -gravity * talus::Vec<Dim>::Unit(up);
   params.material.density = options.density;
   params.time_step = options.time_step.value_or(0.05 * std::sqrt(options.cell / gravity));
   params.rheology.mu = options.friction;

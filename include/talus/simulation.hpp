@@ -72,8 +72,8 @@ class Simulation {
   struct Params {
     GridParams<Dim> grid{};
     Material material{};
-    Vec<Dim> gravity = Vec<Dim>::Zero(); ///< m/s²; turn it to incline the box
-    double time_step = 0;                ///< δt, s; > 0; the largest one if cfl > 0
+    Vec<Dim> gravity = Vec<Dim>::Constant(not_given); ///< m/s²; turn it to incline the box
+    double time_step = 0;                             ///< δt, s; > 0; the largest one if cfl > 0
     double cfl = 0; ///< largest share of a cell to cross in a step along any axis; 0: δt is fixed
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
@@ -106,8 +106,7 @@ class Simulation {
     require_positive("friction_tolerance", params_.friction_tolerance);
     require_positive("min_relative_mass", params_.min_relative_mass);
     params_.packing.validate();
-    for (int a = 0; a < Dim; ++a)
-      require_finite("gravity", params_.gravity[a]);
+    check_gravity("gravity", params_.gravity);
     if (params_.threads < 1)
       throw_invalid("threads", params_.threads, "an integer >= 1");
     params_.faces.validate();
@@ -278,8 +277,7 @@ class Simulation {
 
   /// Changes gravity (m/s²) from the next step on: tilts the box.
   void set_gravity(const Vec<Dim>& gravity) {
-    for (int a = 0; a < Dim; ++a)
-      require_finite("gravity", gravity[a]);
+    check_gravity("gravity", gravity);
     params_.gravity = gravity;
   }
 

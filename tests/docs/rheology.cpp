@@ -55,6 +55,7 @@ double front(const typename Rheology::Params& rheology) {
   params.gravity = {0, -9.81};
   params.time_step = 2e-3;
   params.rheology = rheology;
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.faces.lower[1] = {talus::FaceKind::stick};
   params.faces.upper[1] = {talus::FaceKind::free};
   talus::Particles<2> sand;

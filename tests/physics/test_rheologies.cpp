@@ -25,7 +25,8 @@ using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, PolyPic, GaussSe
 
 constexpr double density = 1500, g = 9.81; // kg/m³, m/s²
 
-/// A box of square cells, all faces free but the floor, which sticks. mu: constant.
+/// A box of square cells without gravity, all faces free but the floor, which sticks. mu: constant;
+/// neither cohesion nor viscosity.
 template <int Dim>
 typename Sim<Dim>::Params box(double cell, const Index<Dim>& cells, double mu) {
   typename Sim<Dim>::Params params;
@@ -37,10 +38,10 @@ typename Sim<Dim>::Params box(double cell, const Index<Dim>& cells, double mu) {
   params.rheology.law.law = {
       .law = {.mu_static = mu, .mu_limit = mu},
       .inertial = {.grain_diameter = 1e-3, .density = density, .strain_factor = 1}};
-  for (auto& face : params.faces.lower)
-    face.kind = FaceKind::free;
-  for (auto& face : params.faces.upper)
-    face.kind = FaceKind::free;
+  params.rheology.law.cohesion = 0;
+  params.rheology.viscosity.eta = 0;
+  params.gravity.setZero();
+  params.faces = Faces<Dim>::all({FaceKind::free});
   params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
   return params;
 }
@@ -121,7 +122,7 @@ void shear_wave() {
   cells[1] = 1; // across, in 3-D
   cells[up_axis<Dim>] = 20;
   auto params = box<Dim>(0.01, cells, 0);
-  params.faces = {};
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   params.time_step = 2e-3;
   params.rheology.viscosity = {.eta = eta, .tolerance = 1e-8};
   Vec<Dim> lower = params.grid.origin, upper = params.grid.origin + params.grid.size;

@@ -140,6 +140,7 @@ TEST_CASE("a law that gives no friction during a run stops the step, and the rep
     params.gravity = {0, -9.81};
     params.time_step = 2e-3;
     params.rheology = {.law = {.bad = bad}, .inertial = beads};
+    params.faces = Faces<2>::all({FaceKind::slip});
     params.faces.lower[1] = {FaceKind::stick};
     params.faces.upper[1] = {FaceKind::free};
     Particles<2> particles;

@@ -51,6 +51,9 @@ typename AnySim::Params box() {
   params.material.density = 1500;
   params.gravity = {0, -9.81};
   params.time_step = 2e-3;
+  if constexpr (requires { params.rheology.mu; })
+    params.rheology.mu = 0.44;
+  params.faces = Faces<2>::all({FaceKind::slip});
   params.faces.lower[1] = {FaceKind::stick};
   params.faces.upper[1] = {FaceKind::free};
   return params;
@@ -669,7 +672,7 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
   for (auto& v : sand.velocity)
     v = {1, 0};
   params.faces.lower[1] = {FaceKind::slip};
-  params.packing = {.slack = 0.02, .spreading = 0};
+  params.packing = {.slack = 0.02, .dilatancy = 0, .surfaces = false};
   Sim<> sim(params, sand);
   const StepReport report = sim.step();
   CHECK(report.courant == doctest::Approx(2e-3 / 0.02).epsilon(0.05));

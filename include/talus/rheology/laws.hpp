@@ -10,19 +10,18 @@ namespace talus {
 class ConstantFriction {
  public:
   struct Params {
-    double mu = 0.44; ///< μ ≥ 0; default: the avalanche angle of the paper's beads, tan 23.75°
+    double mu = not_given; ///< μ ≥ 0; 0.44 for the beads of Rousseau et al. 2023
   };
   static constexpr bool rate_dependent = false;
 
-  ConstantFriction() = default;
   /// Throws std::invalid_argument unless mu is finite and >= 0.
   explicit ConstantFriction(const Params& params) : params_(params) {
-    require_non_negative("rheology.mu", params_.mu);
+    require_given_non_negative("rheology.mu", params_.mu);
   }
   double friction(double) const { return params_.mu; }
 
  private:
-  Params params_{};
+  Params params_;
 };
 
 /// The law of dense flows of Jop, Forterre & Pouliquen 2006:
