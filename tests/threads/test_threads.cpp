@@ -36,7 +36,7 @@ std::string slump(int threads) {
   params.material.density = 1500;
   params.gravity = -9.81 * Vec<Dim>::Unit(up);
   params.time_step = 2e-3;
-  params.rheology = {.law = {},
+  params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {.grain_diameter = 5e-4, .density = 1500, .strain_factor = 1}};
   params.solver.max_sweeps = 30;
   params.faces = Faces<Dim>::all({FaceKind::slip});

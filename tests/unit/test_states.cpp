@@ -556,12 +556,12 @@ namespace {
 /// A transfer that throws half way.
 struct MoodyTransfer {
   struct Params {};
-  static constexpr bool affine = false;
+  static constexpr ParticleField field = ParticleField::constant;
   MoodyTransfer() = default;
   explicit MoodyTransfer(const Params&) {}
   template <int Dim>
-  void update(const GridSample<Dim>& sample, Vec<Dim>& v, Mat<Dim>&) const {
-    v = sample.velocity * moody(1);
+  void update(const GridSample<Dim>& sample, VelocityField<Dim>& p) const {
+    p.velocity = sample.velocity * moody(1);
   }
 };
 
