@@ -83,8 +83,8 @@ class AnyTransfer {
   }
 
   template <int Dim>
-  void update(const talus::GridSample<Dim>& sample, talus::VelocityField<Dim>& field) const {
-    std::visit([&](const auto& scheme) { scheme.update(sample, field); }, scheme_);
+  void update(const talus::GridSample<Dim>& sample, talus::VelocityField<Dim>& particle) const {
+    std::visit([&](const auto& scheme) { scheme.update(sample, particle); }, scheme_);
   }
 
  private:
