@@ -24,6 +24,7 @@
 #include <cstdio>
 #include <numbers>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -80,6 +81,8 @@ int run(const Options& options) {
   const auto whole = [&](double angle) { return options.step * std::floor(angle / options.step); };
   const double first = options.from.value_or(whole(friction_angle - (reference ? 3 : 1)));
   const double last = options.to.value_or(whole(friction_angle + (reference ? 6.5 : 2)));
+  if (!(last >= first))
+    talus::throw_invalid("--to", last, "at least --from, " + talus::text_of(first));
 
   const talus::TiltedBoxSetup setup;
   setup.validate();
@@ -166,6 +169,7 @@ int run(const Options& options) {
   talus::Progress progress("avalanche", {.quiet = options.common.quiet});
   const int tilts = 1 + static_cast<int>(std::lround((last - first) / options.step));
   std::string status = "completed";
+  bool completed_one = false;
   for (; state.tilt < tilts && status == "completed"; ++state.tilt) {
     const double tilt = first + state.tilt * options.step;
     sim.set_gravity(setup.gravity_vector<Dim>(tilt));
@@ -176,9 +180,12 @@ int run(const Options& options) {
       const talus::StepReport report = sim.step();
       statistics.add(report);
       if (!report.completed()) {
+        if (!completed_one) // there is nothing to measure
+          throw std::runtime_error("the first step failed: " + std::string(report.why()));
         status = "failed: " + std::string(report.why());
         break;
       }
+      completed_one = true;
       const double time = sim.time() - state.since;
       speed = talus::largest_speed(sim);
       state.fastest = std::max(state.fastest, speed);
@@ -264,7 +271,7 @@ int run(const Options& options) {
   std::snprintf(title, sizeof title, "Avalanche test, %d-D, %s resolution, μ = %g", Dim,
                 options.resolution.c_str(), options.friction);
   support::draw_panels(options.common, "avalanche", title, {angles, differences});
-  checkpoints.finish();
+  checkpoints.finish(status);
   return status == "completed" ? 0 : 1;
 }
 

@@ -44,7 +44,7 @@ constexpr double rest_hold = 0.1;          // s without motion that end a run
 
 struct Options {
   std::string case_name = "B15", preset = "paper", resolution = "coarse", solver = "gauss-seidel";
-  std::string seeding;
+  std::string seeding = "jittered";
   int dimension = 3;
   support::PolicyOptions policies;
   std::optional<double> friction, wall_friction, gate_friction, end_time, time_step;
@@ -361,8 +361,6 @@ int run_collapse(Options options) {
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
   if (options.dimension == 2 && options.width)
     throw std::invalid_argument("--width goes with --dim 3, not 2");
-  if (options.seeding.empty())
-    options.seeding = "jittered";
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
     talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
   talus::require_positive("--max-time", options.max_time);
@@ -451,9 +449,9 @@ int main(int argc, char** argv) {
                  "Shorten steps so that nothing crosses more of a cell; 0: fixed steps")
       ->capture_default_str();
   app.add_option("--particles-per-edge", options.per_axis, "Particles along a cell's edge");
-  app.add_option("--seeding", options.seeding,
-                 "Initial positions: jittered lattice (default) or random")
-      ->check(CLI::IsMember({"jittered", "random"}));
+  app.add_option("--seeding", options.seeding, "Initial positions: on a jittered lattice or random")
+      ->check(CLI::IsMember({"jittered", "random"}))
+      ->capture_default_str();
   app.add_option("--jitter", options.jitter, "Of the lattice, 0 to 1")->capture_default_str();
   app.add_option("--seed", options.seed, "Of the random numbers")
       ->check([](const std::string& text) { // a negative one would be taken modulo 2^64

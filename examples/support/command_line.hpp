@@ -181,6 +181,8 @@ inline nlohmann::json options_of(const CLI::App& app) {
   const auto value = [](const std::string& text) -> nlohmann::json {
     if (text.empty())
       return nullptr;
+    if (text == "true" || text == "false") // CLI11 writes a default as 1 or 0
+      return text == "true" ? 1.0 : 0.0;
     const nlohmann::json number = nlohmann::json::parse(text, nullptr, false);
     return number.is_number() ? nlohmann::json(number.get<double>()) : nlohmann::json(text);
   };

@@ -69,7 +69,8 @@ inline nlohmann::json read_summary(const fs::path& path) {
   return usable ? summary : nlohmann::json::object();
 }
 
-/// The checkpoint of a run in its folder, OUT/checkpoint.talus: there until the run is finished.
+/// The checkpoint of a run in its folder, OUT/checkpoint.talus: there until the run is finished;
+/// that of a run that failed stays.
 class Checkpoints {
  public:
   /// inputs: what makes a run what it is, besides its options and the version of talus; compared
@@ -142,8 +143,11 @@ class Checkpoints {
     last_ = Clock::now();
   }
 
-  /// The run is finished and its results are written.
-  void finish() const { fs::remove(file_); }
+  /// The results are written. If the run failed, what it can go on from stays.
+  void finish(const std::string& status) const {
+    if (!status.starts_with("failed"))
+      fs::remove(file_);
+  }
 
  private:
   using Clock = std::chrono::steady_clock;

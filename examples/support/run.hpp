@@ -249,7 +249,8 @@ class Run {
     return finish("plot_run.py");
   }
 
-  /// Prints what the run cost, draws the picture, removes the checkpoint. Returns the exit status.
+  /// Prints what the run cost, draws the picture, removes the checkpoint unless the run failed.
+  /// Returns the exit status.
   int finish(const std::string& plot_script) {
     if (!options_.common.quiet)
       statistics_.print(sim_.steps(), seconds());
@@ -258,7 +259,7 @@ class Run {
       std::fprintf(stderr, "to go on: %s\n", command_to_resume().c_str());
       return 130;
     }
-    checkpoints_.finish();
+    checkpoints_.finish(status);
     return status.starts_with("failed") ? 1 : 0;
   }
 

@@ -60,8 +60,12 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
       ->capture_default_str();
   app.add_option("--packing-surfaces", options.packing.surfaces, "See talus::Packing")
       ->capture_default_str();
-  app.add_option("--seeding", options.seeding.pattern, "Initial positions")
-      ->transform(CLI::CheckedTransformer(patterns))
+  // no transform: it would leave a number in the place of the word, another than the default's
+  app.add_option_function<std::string>(
+         "--seeding",
+         [&options](const std::string& name) { options.seeding.pattern = patterns.at(name); },
+         "Initial positions")
+      ->check(CLI::IsMember(patterns))
       ->default_str("jittered");
   app.add_option("--jitter", options.seeding.jitter, "Of the lattice, 0 to 1")
       ->capture_default_str();
@@ -90,7 +94,7 @@ typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
   }
   params.faces.lower[up] = {talus::FaceKind::stick};
   params.faces.upper[up] = {talus::FaceKind::free};
-  params.gravity[up] = -gravity;
+  params.gravity = -gravity * talus::Vec<Dim>::Unit(up);
   params.material.density = options.density;
   params.time_step = options.time_step.value_or(0.05 * std::sqrt(options.cell / gravity));
   params.rheology.mu = options.friction;

@@ -72,9 +72,11 @@ class Simulation {
   struct Params {
     GridParams<Dim> grid{};
     Material material{};
-    Vec<Dim> gravity = Vec<Dim>::Zero(); ///< m/s²; turn it to incline the box
-    double time_step = 0;                ///< δt, s; > 0; the largest one if cfl > 0
-    double cfl = 0; ///< largest share of a cell to cross in a step along any axis; 0: δt is fixed
+    Vec<Dim> gravity = Vec<Dim>::Constant(not_given); ///< m/s²; turn it to incline the box
+    double time_step = 0;                             ///< δt, s; > 0; the largest one if cfl > 0
+    /// Largest share of a cell that material, bodies and obstacles may cross in a step along any
+    /// axis, see cfl_time_step; 0: δt is fixed.
+    double cfl = 0;
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
     std::vector<Body<Dim>> bodies{};
@@ -106,8 +108,7 @@ class Simulation {
     require_positive("friction_tolerance", params_.friction_tolerance);
     require_positive("min_relative_mass", params_.min_relative_mass);
     params_.packing.validate();
-    for (int a = 0; a < Dim; ++a)
-      require_finite("gravity", params_.gravity[a]);
+    check_gravity("gravity", params_.gravity);
     if (params_.threads < 1)
       throw_invalid("threads", params_.threads, "an integer >= 1");
     params_.faces.validate();
@@ -278,8 +279,7 @@ class Simulation {
 
   /// Changes gravity (m/s²) from the next step on: tilts the box.
   void set_gravity(const Vec<Dim>& gravity) {
-    for (int a = 0; a < Dim; ++a)
-      require_finite("gravity", gravity[a]);
+    check_gravity("gravity", gravity);
     params_.gravity = gravity;
   }
 
@@ -423,10 +423,10 @@ class Simulation {
   }
 
   void choose_time_step() {
-    time_step_ = params_.cfl == 0
-                     ? params_.time_step
-                     : cfl_time_step(params_.cfl, params_.time_step, grid_, node_order_.nodes(),
-                                     velocity_before_, bodies_, params_.gravity);
+    time_step_ = params_.cfl == 0 ? params_.time_step
+                                  : cfl_time_step(params_.cfl, params_.time_step, boundaries(),
+                                                  node_order_.nodes(), velocity_before_, bodies_,
+                                                  params_.gravity);
   }
 
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.

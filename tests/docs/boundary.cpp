@@ -63,6 +63,7 @@ int main() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.obstacles = {std::make_shared<Belt>(0.03, 0.2, 0.4),
                       // a plough that swings about a point above the sand
                       std::make_shared<talus::ShapeObstacle<2>>(talus::ShapeObstacle<2>::Params{

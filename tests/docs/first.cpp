@@ -12,6 +12,7 @@ int main() {
   params.gravity = {0, -9.81};                                             // m/s²
   params.time_step = 1e-3;                                                 // s
   params.rheology.mu = 0.44;
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.faces.lower[1] = {talus::FaceKind::stick};
   params.faces.upper[1] = {talus::FaceKind::free};
 

@@ -42,6 +42,8 @@ double front(const typename Transfer::Params& transfer) {
   params.gravity = {0, -9.81};
   params.time_step = 2e-3;
   params.transfer = transfer;
+  params.rheology.mu = 0.44;
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.faces.lower[1] = {talus::FaceKind::stick};
   params.faces.upper[1] = {talus::FaceKind::free};
   talus::Particles<2> sand;

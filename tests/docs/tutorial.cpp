@@ -26,7 +26,7 @@ typename Sim::Params heap_params() {
   params.material.density = 1500;                                          // kg/m³, dense
   params.gravity = {0, -9.81};                                             // m/s²
   params.time_step = 1e-3;                                                 // s
-  params.faces.lower[0] = {talus::FaceKind::slip};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.faces.lower[1] = {talus::FaceKind::stick};
   params.faces.upper[1] = {talus::FaceKind::free};
   return params;

@@ -35,10 +35,12 @@ Sim make_simulation() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.solver.max_sweeps = 20;
+  params.rheology.mu = 0.44;
+  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
   params.faces.lower[1] = {talus::FaceKind::frictional, 0.5};
-  params.faces.upper[1] = {talus::FaceKind::free, 0};
+  params.faces.upper[1] = {talus::FaceKind::free};
   params.obstacles.push_back(
-      std::make_shared<talus::Gate<2>>(talus::Gate<2>::Params{.position = 0.2}));
+      std::make_shared<talus::Gate<2>>(talus::Gate<2>::Params{.position = 0.2, .friction = 0.2}));
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.1, 0.1}, {.per_axis = 2});
   return Sim(params, sand);

@@ -21,11 +21,13 @@ void run(const fs::path& folder) {
     params.grid.size[a] = 0.1 + 0.01 * a;
     params.grid.cells[a] = 5 + a;
   }
-  params.gravity[Dim - 1] = -9.81;
+  params.gravity = -9.81 * talus::Vec<Dim>::Unit(Dim - 1);
   params.time_step = 2e-3;
   params.material.density = 1500;
-  params.faces.lower[Dim - 1].kind = talus::FaceKind::stick;
-  params.faces.upper[Dim - 1].kind = talus::FaceKind::free;
+  params.rheology.mu = 0.44;
+  params.faces = talus::Faces<Dim>::all({talus::FaceKind::slip});
+  params.faces.lower[Dim - 1] = {talus::FaceKind::stick};
+  params.faces.upper[Dim - 1] = {talus::FaceKind::free};
   talus::Particles<Dim> sand;
   talus::fill_box<Dim>(sand, talus::Grid<Dim>(params.grid), talus::Vec<Dim>::Constant(0.01),
                        talus::Vec<Dim>::Constant(0.06), {.per_axis = 2});

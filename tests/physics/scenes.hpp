@@ -33,15 +33,12 @@ typename Sim<Dim>::Params box(const Vec<3>& size, const Index<3>& cells, double 
   }
   params.material.density = 1500;
   const double angle = angle_deg * std::numbers::pi / 180;
-  params.gravity[0] = 9.81 * std::sin(angle);
-  params.gravity[up_axis<Dim>] = -9.81 * std::cos(angle);
+  params.gravity =
+      9.81 * (std::sin(angle) * Vec<Dim>::Unit(0) - std::cos(angle) * Vec<Dim>::Unit(up_axis<Dim>));
   params.time_step = 1e-3;
   params.rheology.mu = mu;
   params.solver.max_sweeps = 5000;
-  for (auto& face : params.faces.lower)
-    face.kind = FaceKind::slip;
-  for (auto& face : params.faces.upper)
-    face.kind = FaceKind::slip;
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
   params.faces.upper[up_axis<Dim>].kind = FaceKind::free;
   return params;

@@ -311,7 +311,7 @@ namespace {
 template <int Dim>
 void drum_is_tight() {
   auto params = scenes::box<Dim>({0.3, 0.08, 0.3}, {20, 4, 20}, 0, 0.5);
-  params.faces = {};
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   const Vec<2> centre(0.15, 0.15);
   RigidState<Dim> start;
   start.position[0] = start.position[up_axis<Dim>] = 0.15;

@@ -238,7 +238,7 @@ TEST_CASE("the gate's motion") {
   CHECK(stopping.speed(0.5) == 0.5);
   CHECK(stopping.travel(2) == 0.3);
   CHECK(stopping.speed(2) == 0);
-  CHECK_THROWS_WITH_AS(Gate<2>({.motion = {.rise = -0.1}}),
+  CHECK_THROWS_WITH_AS(Gate<2>({.friction = 0, .motion = {.rise = -0.1}}),
                        "gate.motion.rise is -0.1; allowed: 0 or more, or infinity",
                        std::invalid_argument);
 }
@@ -276,7 +276,7 @@ TEST_CASE("an open gate lets the column go, and the front advances") {
 TEST_CASE("a heap on a rough floor slumps, and every step converges") {
   // The README's first program: at t = 0.048 s extrapolation once went round in circles.
   auto params = scenes::box<2>({0.6, 0.1, 0.2}, {60, 1, 20}, 0, 0.44);
-  params.faces = {};
+  params.faces = Faces<2>::all({FaceKind::slip});
   params.faces.lower[1] = {FaceKind::stick};
   params.faces.upper[1] = {FaceKind::free};
   params.solver.max_sweeps = 2000;

@@ -64,9 +64,12 @@ TEST_CASE("the less friction, the longer and flatter the deposit") {
 
 TEST_CASE("mu(I) runs farther than the avalanche friction, hysteresis less far") {
   const InertialNumber beads{.grain_diameter = 0.5e-3, .density = 1470, .strain_factor = 1};
-  const HystereticCurve step{.shape = HystereticCurve::Shape::step};
-  const Deposit mu_of_i = b15_deposit<MuOfI>({.inertial = beads});
-  const Deposit ramp = b15_deposit<HystereticFriction>({.inertial = beads});
+  const HystereticCurve curve{.mu = 0.38, .mu_excess = 0.16, .I_star = 0.04};
+  HystereticCurve step = curve;
+  step.shape = HystereticCurve::Shape::step;
+  const Deposit mu_of_i = b15_deposit<MuOfI>(
+      {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279}, .inertial = beads});
+  const Deposit ramp = b15_deposit<HystereticFriction>({.law = curve, .inertial = beads});
   const Deposit stepped = b15_deposit<HystereticFriction>({.law = step, .inertial = beads});
   const Deposit flowing = b15_deposit({0.38}), avalanche = b15_deposit({0.44});
   const Deposit resting = b15_deposit({0.54}); // hysteresis at rest
@@ -121,6 +124,7 @@ TEST_CASE("walls act as friction that grows with height over width") {
 TEST_CASE("a tall column runs out in proportion to its aspect ratio, and sinks more") {
   const auto with_ratio = [](double ratio) { // run-out over L_0, H_0 over H_f
     CollapseSetup setup;
+    setup.wall_friction = setup.gate_friction = 0;
     setup.column_length = 0.1;
     setup.column_height = 0.1 * ratio;
     setup.length = 1.2;
@@ -154,6 +158,7 @@ TEST_CASE("the inertial number of B15 is of the order of a hundredth") {
   using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
   const CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim>(setup, {0.02, 0.02, 0.01}, 1.66e-3);
+  params.rheology.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279};
   params.rheology.inertial.grain_diameter = 0.5e-3;
   params.rheology.inertial.density = params.material.density;
   params.rheology.inertial.strain_factor = 1;

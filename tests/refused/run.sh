@@ -30,7 +30,7 @@ for compiler; do
     if compile "$program"; then
       complain "$compiler $name: compiles"
     elif grep -q '^// flags: ' "$program"; then
-      if grep -m 1 error "$message" | grep -Eq "$words"; then
+      if grep -m 1 ' error: ' "$message" | grep -Eq "$words"; then
         echo "ok  $compiler $name: the first error"
       else
         complain "$compiler $name: not in the first error: $words"

@@ -20,8 +20,8 @@ inline talus::CollapseSetup b15() {
   return setup;
 }
 
-/// Beads in that set-up, with the rheology's default parameters. cell: along, across and up, m;
-/// time_step: s.
+/// Beads in that set-up; the parameters of a law that is not constant are left to the caller. cell:
+/// along, across and up, m; time_step: s.
 template <class Sim>
 typename Sim::Params collapse_params(const talus::CollapseSetup& setup, const talus::Vec<3>& cell,
                                      double time_step) {
@@ -32,6 +32,8 @@ typename Sim::Params collapse_params(const talus::CollapseSetup& setup, const ta
   params.gravity = setup.gravity_vector<dim>();
   params.time_step = time_step;
   params.faces = setup.faces<dim>();
+  if constexpr (requires { params.rheology.mu; })
+    params.rheology.mu = 0.44;
   params.obstacles.push_back(setup.make_gate<dim>());
   return params;
 }

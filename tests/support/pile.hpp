@@ -19,11 +19,12 @@ Simulation<Dim, ConstantFriction, PolyPic, SolverT> small_pile(double tolerance,
     params.grid.cells[a] = 3;
   }
   params.material.density = 1500;
-  params.gravity[up_axis<Dim>] = -9.81;
+  params.gravity = -9.81 * Vec<Dim>::Unit(up_axis<Dim>);
   params.time_step = 1e-3;
   params.rheology.mu = mu;
   params.solver.tolerance = tolerance;
   params.solver.max_sweeps = 20000;
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   params.faces.lower[0] = {FaceKind::frictional, 0.3};
   params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
   params.faces.upper[up_axis<Dim>].kind = FaceKind::free;

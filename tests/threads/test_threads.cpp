@@ -34,14 +34,15 @@ std::string slump(int threads) {
   for (int a = 0; a < Dim; ++a)
     params.grid.cells[a] = a == 0 ? 24 : 8;
   params.material.density = 1500;
-  params.gravity[up] = -9.81;
+  params.gravity = -9.81 * Vec<Dim>::Unit(up);
   params.time_step = 2e-3;
-  params.rheology = {.law = {},
+  params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {.grain_diameter = 5e-4, .density = 1500, .strain_factor = 1}};
   params.solver.max_sweeps = 30;
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   params.faces.lower[0] = {FaceKind::frictional, 0.3};
   params.faces.lower[up] = {FaceKind::frictional, 0.5};
-  params.faces.upper[0] = {FaceKind::free, 0};
+  params.faces.upper[0] = {FaceKind::free};
   params.obstacles.push_back(std::make_shared<Gate<Dim>>(
       typename Gate<Dim>::Params{.position = 0.2, .friction = 0.2, .motion = {}}));
   params.threads = threads;

@@ -6,7 +6,7 @@
 #
 #     folders.sh PROGRAMS FOLDER
 #
-# PROGRAMS: the folder with collapse and rheology_comparison.
+# PROGRAMS: the folder with avalanche, collapse and rheology_comparison.
 set -eu
 programs=$(cd "$1" && pwd)
 rm -rf "$2"
@@ -43,6 +43,8 @@ collapse --end-time 5e-2 --out trial --resume # a number however it is written
 refused '--end-time = 0.05, not null' collapse --out trial --resume
 refused '--end-time = 0.05, not 0.1' collapse --end-time 0.1 --out trial
 refused '--seed = 1.0, not 2.0' collapse --end-time 0.05 --seed 2 --out trial
+collapse --end-time 0.05 --seeding jittered --packing-surfaces true --out trial --resume # as without
+[ "$(stat -c %i trial/summary.json)" = "$before" ] || fail "a default that is given counts as another input"
 refused '--snapshot-interval' collapse --end-time 0.05 --snapshot-interval 0.01 --out trial --resume
 [ "$(stat -c %i trial/summary.json)" = "$before" ] || fail "a finished run was replaced unasked"
 collapse --end-time 0.1 --out trial --overwrite
@@ -59,6 +61,15 @@ sed -i 's/"status": "completed"/"status": "failed: for this test"/' trial/summar
 status=0
 collapse --end-time 0.1 --out trial --resume 2> log || status=$?
 [ $status -eq 1 ] || fail "a failed run was taken for a finished one"
+
+# What fails in its first step ends with status 1 and the reason, and leaves no summary.
+for program in collapse avalanche; do
+  status=0
+  "$programs/$program" --dim 2 --friction 1e200 --quiet --no-plot --out "fails_$program" 2> log || status=$?
+  [ $status -eq 1 ] || fail "$program with a first step that fails: status $status: $(cat log)"
+  grep -q 'the first step failed: the solver met numbers' log || fail "$program: $(cat log)"
+  [ ! -e "fails_$program/summary.json" ] || fail "$program: a summary of a run without a step"
+done
 
 # The tables show the same fields at the same time.
 last() { tail -n 1 "$1" | cut -d , -f 1; }

@@ -86,6 +86,7 @@ TEST_CASE("a run with a free body goes on with the same bits") {
     params.gravity = {0, 0, -9.81};
     params.time_step = 1e-3;
     params.rheology.mu = 0.44;
+    params.faces = Faces<3>::all({FaceKind::slip});
     auto ball = ball_body<3>({0.1, 0.1, 0.13}, 0.05, 3000, 0.3);
     ball.mass *= mass_factor;
     ball.start.velocity[2] = -1;
@@ -248,6 +249,8 @@ Sim<2> with_obstacle(std::shared_ptr<const Obstacle<2>> obstacle) {
   params.material.density = 1500;
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
+  params.rheology.mu = 0.44;
+  params.faces = Faces<2>::all({FaceKind::slip});
   params.obstacles = {std::move(obstacle)};
   Particles<2> sand;
   fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.1, 0.12}, {.per_axis = 2});
@@ -322,6 +325,8 @@ TEST_CASE("a run does not go on with another body") {
     params.material.density = 1500;
     params.gravity = {0, -9.81};
     params.time_step = 1e-3;
+    params.rheology.mu = 0.44;
+    params.faces = Faces<2>::all({FaceKind::slip});
     params.bodies = {block_body<2>({0.3, 0.1}, {0.06, 0.06}, 2600, 0.3)};
     change(params.bodies[0]);
     return Sim<2>(params, {});

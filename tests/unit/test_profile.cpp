@@ -42,8 +42,7 @@ typename Sim<Dim>::Params box() {
   params.gravity = -9.81 * Vec<Dim>::Unit(Dim - 1);
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  for (auto* side : {&params.faces.lower, &params.faces.upper})
-    side->fill({FaceKind::slip});
+  params.faces = Faces<Dim>::all({FaceKind::slip});
   params.faces.lower[Dim - 1] = {FaceKind::stick};
   params.faces.upper[Dim - 1] = {FaceKind::free};
   return params;
@@ -125,7 +124,7 @@ TEST_CASE("the profile of a channel is that of its middle, and of another row if
 
 TEST_CASE("a gate is done when it has left the material or has stopped, not before") {
   const auto gate = [](const GateMotion& motion) {
-    return Gate<2>({.position = 0.2, .bottom = 0.02, .motion = motion});
+    return Gate<2>({.position = 0.2, .bottom = 0.02, .friction = 0, .motion = motion});
   };
   const auto rising = gate({.opening_time = 1, .terminal_speed = 0.1, .time_constant = 0});
   CHECK(!rising.done(0.5, 0.1));
@@ -141,14 +140,14 @@ TEST_CASE("a gate is done when it has left the material or has stopped, not befo
 }
 
 TEST_CASE("the friction of a face that is not frictional is refused") {
-  Faces<2> faces;
+  auto faces = Faces<2>::all({FaceKind::slip});
   faces.lower[0] = {FaceKind::frictional, 0.3};
   faces.upper[0] = {FaceKind::stick, 0};
   faces.validate();
   faces.lower[1] = {FaceKind::stick, 0.3};
   CHECK_THROWS_WITH_AS(
       faces.validate(),
-      "faces.lower.y.friction is 0.3; allowed: 0 for a face that is not FaceKind::frictional",
+      "faces.lower.y.friction is 0.3; allowed: none for a face that is not FaceKind::frictional",
       std::invalid_argument);
 }
 

@@ -31,21 +31,25 @@ std::string refusal(const Make& make) {
   return "";
 }
 
+const MuOfICurve jop{.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279};
+const HystereticCurve hysteretic{.mu = 0.38, .mu_excess = 0.16, .I_star = 0.04};
+
 } // namespace
 
 TEST_CASE("friction laws at their known points") {
   CHECK(ConstantFriction({.mu = 0.38}).friction(1) == 0.38);
-  const MuOfI mu_i({.inertial = beads});
+  const MuOfI mu_i({.law = jop, .inertial = beads});
   CHECK(mu_i.friction(0) == 0.38);
   CHECK(mu_i.friction(0.279) == doctest::Approx((0.38 + 0.64) / 2));
   CHECK(mu_i.friction(infinity) == 0.64);
-  const HystereticFriction ramp({.inertial = beads});
+  const HystereticFriction ramp({.law = hysteretic, .inertial = beads});
   CHECK(ramp.friction(0) == doctest::Approx(0.54));
   CHECK(ramp.friction(0.02) == doctest::Approx(0.46));
   CHECK(ramp.friction(0.04) == doctest::Approx(0.38));
   CHECK(ramp.friction(infinity) == doctest::Approx(0.38));
-  const HystereticFriction step(
-      {.law = {.shape = HystereticCurve::Shape::step}, .inertial = beads});
+  HystereticCurve sudden = hysteretic;
+  sudden.shape = HystereticCurve::Shape::step;
+  const HystereticFriction step({.law = sudden, .inertial = beads});
   CHECK(step.friction(0.039) == doctest::Approx(0.54));
   CHECK(step.friction(0.04) == doctest::Approx(0.38));
 }
@@ -58,7 +62,7 @@ TEST_CASE("inertial number: value and limits") {
   CHECK(inertial(1, 0) == infinity);
   CHECK(inertial(1, -3) == infinity); // tension holds no grains together
   // on the way to the limits: towards them, without a jump and never NaN
-  const MuOfI mu_i({.inertial = inertial});
+  const MuOfI mu_i({.law = jop, .inertial = inertial});
   for (double small = 1; small > 0; small /= 1024) {
     const double I = inertial(small, 1);
     CHECK(I <= 0.04 * small);
@@ -77,17 +81,25 @@ TEST_CASE("friction laws refuse nonsense by name and value") {
   CHECK(refusal([] { return ConstantFriction({.mu = -1}); }) ==
         "rheology.mu is -1; allowed: a finite number >= 0");
   CHECK(refusal([] {
-          return MuOfI({.law = {.mu_static = 0.5, .mu_limit = 0.4}, .inertial = beads});
+          return MuOfI({.law = {.mu_static = 0.5, .mu_limit = 0.4, .I_0 = 0.3}, .inertial = beads});
         }) == "rheology.law.mu_limit is 0.4; allowed: a number >= rheology.law.mu_static");
-  CHECK(refusal([] { return HystereticFriction({.law = {.I_star = 0}, .inertial = beads}); }) ==
-        "rheology.law.I_star is 0; allowed: a finite number > 0");
-  CHECK(refusal([] { return MuOfI({}); }) ==
+  CHECK(refusal([] {
+          return HystereticFriction(
+              {.law = {.mu = 0.38, .mu_excess = 0.16, .I_star = 0}, .inertial = beads});
+        }) == "rheology.law.I_star is 0; allowed: a finite number > 0");
+  CHECK(
+      refusal([] { return MuOfI({}); }).starts_with("rheology.law.mu_static is nan, not given; "));
+  CHECK(refusal([] {
+          return HystereticFriction({});
+        }).starts_with("rheology.law.mu is nan, not given; "));
+  CHECK(refusal([] { return MuOfI({.law = jop}); }) ==
         "rheology.inertial.grain_diameter is 0; allowed: a finite number > 0");
   CHECK(refusal([] { // which measure of the strain rate is not guessed
-          return MuOfI({.inertial = {.grain_diameter = 1, .density = 1}});
+          return MuOfI({.law = jop, .inertial = {.grain_diameter = 1, .density = 1}});
         }) == "rheology.inertial.strain_factor is 0; allowed: a finite number > 0");
   CHECK(refusal([] {
-          return MuOfI({.inertial = {.grain_diameter = 1, .density = 1, .strain_factor = -2}});
+          return MuOfI(
+              {.law = jop, .inertial = {.grain_diameter = 1, .density = 1, .strain_factor = -2}});
         }) == "rheology.inertial.strain_factor is -2; allowed: a finite number > 0");
 }
 
@@ -140,6 +152,7 @@ TEST_CASE("a law that gives no friction during a run stops the step, and the rep
     params.gravity = {0, -9.81};
     params.time_step = 2e-3;
     params.rheology = {.law = {.bad = bad}, .inertial = beads};
+    params.faces = Faces<2>::all({FaceKind::slip});
     params.faces.lower[1] = {FaceKind::stick};
     params.faces.upper[1] = {FaceKind::free};
     Particles<2> particles;

@@ -30,7 +30,7 @@ struct Scene {
       params.grid.cells[a] = cells;
     }
     params.material.density = 1500;
-    params.gravity[0] = 2;
+    params.gravity = 2 * Vec<Dim>::Unit(0);
     params.gravity[up_axis<Dim>] = -9.81;
     params.time_step = 1e-3;
     params.rheology.mu = 0.44;

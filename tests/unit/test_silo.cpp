@@ -30,19 +30,23 @@ TEST_CASE("a floor holds the nodes on it, but for those in its hole") {
   CHECK(slot->contact({0.3, 0.15}, spacing, 0));
   CHECK_FALSE(slot->contact({0.3, 0.16}, spacing, 0)); // nearer to the next layer of nodes
 
-  const auto hole = make_obstacle<Floor<3>>({.centre = {0.5, 0.5, 0}, .opening = 0.2});
+  const auto hole =
+      make_obstacle<Floor<3>>({.centre = {0.5, 0.5, 0}, .opening = 0.2, .friction = 0});
   CHECK_FALSE(hole->contact({0.56, 0.56, 0}, Vec<3>::Constant(0.1), 0)); // it is round
   CHECK(hole->contact({0.58, 0.58, 0}, Vec<3>::Constant(0.1), 0));
-  const auto closed = make_obstacle<Floor<3>>({});
+  const auto closed = make_obstacle<Floor<3>>({.friction = 0});
   CHECK(closed->contact({0, 0, 0}, Vec<3>::Constant(0.1), 0));
 }
 
 TEST_CASE("floors that are none are refused") {
-  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.opening = -0.1}), std::invalid_argument);
+  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.opening = -0.1, .friction = 0}), std::invalid_argument);
   CHECK_THROWS_AS(make_obstacle<Floor<2>>({.friction = -1}), std::invalid_argument);
-  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.sink_speed = -1}), std::invalid_argument);
-  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.height = std::nan("")}), std::invalid_argument);
-  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.centre = {std::numeric_limits<double>::infinity(), 0}}),
+  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.friction = 0, .sink_speed = -1}),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(make_obstacle<Floor<2>>({.height = std::nan(""), .friction = 0}),
+                  std::invalid_argument);
+  CHECK_THROWS_AS(make_obstacle<Floor<2>>(
+                      {.centre = {std::numeric_limits<double>::infinity(), 0}, .friction = 0}),
                   std::invalid_argument);
 }
 

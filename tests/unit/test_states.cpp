@@ -7,6 +7,7 @@
 #include "talus/boundary/gate.hpp"
 #include "talus/boundary/shape_obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/particle_fields.hpp"
 #include "talus/diagnostics/profile.hpp"
@@ -51,6 +52,9 @@ typename AnySim::Params box() {
   params.material.density = 1500;
   params.gravity = {0, -9.81};
   params.time_step = 2e-3;
+  if constexpr (requires { params.rheology.mu; })
+    params.rheology.mu = 0.44;
+  params.faces = Faces<2>::all({FaceKind::slip});
   params.faces.lower[1] = {FaceKind::stick};
   params.faces.upper[1] = {FaceKind::free};
   return params;
@@ -679,4 +683,35 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
     volume *= 2;
   Sim<> full(params, sand);
   CHECK(full.step().largest_fraction > 1.9);
+}
+
+TEST_CASE("with cfl an obstacle does not jump into the material, and matters only in the box") {
+  auto params = box(); // cells of 0.02 m
+  params.time_step = 0.01;
+  params.cfl = 0.25;
+  params.gravity.setZero();
+  RigidState<2> start;
+  start.velocity = {20, 0}; // 10 cells in the longest step
+  const auto plate = [&](double x) {
+    start.position = {x, 0.1};
+    return make_obstacle<ShapeObstacle<2>>({.shape = shapes::Box<2>({-0.03, -0.2}, {0.03, 0.2}),
+                                            .friction = 0,
+                                            .motion = steady_motion<2>(start)});
+  };
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0.2, 0}, {0.3, 0.1}, {.per_axis = 2});
+  params.obstacles = {plate(0.06)};
+  Sim<> sim(params, sand);
+  advance(sim, 1);
+  CHECK(sim.time_step() == doctest::Approx(0.25 * 0.02 / 20));
+  while (sim.time() < 9e-3) // the plate's front is at 0.27 m
+    advance(sim, 1);
+  std::size_t behind = 0;
+  for (const Vec<2>& x : sim.particles().position)
+    behind += x[0] < 0.03 + 20 * sim.time() ? 1 : 0;
+  CHECK(behind == 0);
+  params.obstacles = {plate(5)};
+  Sim<> gone(params, sand);
+  advance(gone, 1);
+  CHECK(gone.time_step() == doctest::Approx(0.01));
 }

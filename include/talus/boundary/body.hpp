@@ -24,7 +24,7 @@ struct Body {
   double mass = 0;  ///< M, kg (kg/m in 2-D); > 0
   Mat<spin_size<Dim>> inertia = Mat<spin_size<Dim>>::Zero(); ///< J in its own frame, kg m² (kg m in
                                                              ///< 2-D); positive definite
-  double friction = 0;           ///< μ_w against the material, and against sticking faces
+  double friction = not_given;   ///< μ_w against the material, and against sticking faces
   RigidState<Dim> start{};       ///< at time 0
   bool rotates = true;           ///< false: held upright, as by guides that take no force
   std::vector<Vec<Dim>> corners; ///< in its own frame, m; none: it passes through faces
@@ -37,7 +37,7 @@ struct Body {
     require_positive("body.mass", mass);
     if (rotates)
       validate_inertia();
-    require_non_negative("body.friction", friction);
+    require_given_non_negative("body.friction", friction);
     require_non_negative("body.corner_radius", corner_radius);
     for (const Vec<Dim>& corner : corners)
       for (int a = 0; a < Dim; ++a)

@@ -6,6 +6,7 @@
 #include "talus/core/types.hpp"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <string>
 
@@ -17,11 +18,12 @@ enum class FaceKind {
   slip,       ///< u·n = 0
   free,       ///< nothing: material that passes it leaves the simulation
   frictional, ///< Coulomb contact with coefficient `friction`; the material may come off
+  unset,      ///< refused: a face has no default
 };
 
 struct Face {
-  FaceKind kind = FaceKind::slip;
-  double friction = 0; ///< μ_w ≥ 0, of frictional faces alone
+  FaceKind kind = FaceKind::unset;
+  double friction = not_given; ///< μ_w ≥ 0, of frictional faces alone
 };
 
 /// The 2d faces of the box.
@@ -29,15 +31,27 @@ template <int Dim>
 struct Faces {
   std::array<Face, static_cast<std::size_t>(Dim)> lower{}, upper{};
 
-  /// Throws std::invalid_argument if a friction coefficient is negative, not finite, or that of a
-  /// face that is not frictional.
+  /// The same face everywhere, to change some of them.
+  static Faces all(const Face& face) {
+    Faces faces;
+    faces.lower.fill(face);
+    faces.upper.fill(face);
+    return faces;
+  }
+
+  /// Throws std::invalid_argument if a face was not given, if the friction of a frictional face is
+  /// not given, negative or not finite, or if a face that is not frictional has one.
   void validate() const {
     constexpr std::array axis_names{"x", "y", "z"};
     const auto check = [](const std::string& name, const Face& face) {
-      require_non_negative(name + ".friction", face.friction);
-      if (face.kind != FaceKind::frictional && face.friction > 0)
+      if (face.kind == FaceKind::unset)
+        throw_invalid(name, "not given",
+                      "FaceKind::stick, slip, free or frictional; it has no default");
+      if (face.kind == FaceKind::frictional)
+        require_given_non_negative(name + ".friction", face.friction);
+      else if (!std::isnan(face.friction) && face.friction != 0)
         throw_invalid(name + ".friction", face.friction,
-                      "0 for a face that is not FaceKind::frictional");
+                      "none for a face that is not FaceKind::frictional");
     };
     for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
       check(std::string("faces.lower.") + axis_names[a], lower[a]);

@@ -18,9 +18,9 @@ class Floor final : public Obstacle<Dim> {
   struct Params {
     double height = 0;                  ///< m
     Vec<Dim> centre = Vec<Dim>::Zero(); ///< of the hole, m; its height does not count
-    double opening = 0;    ///< diameter of the hole, in 2-D the width of the slot, m; 0: none
-    double friction = 0;   ///< μ_w
-    double sink_speed = 0; ///< m/s, downwards
+    double opening = 0;          ///< diameter of the hole, in 2-D the width of the slot, m; 0: none
+    double friction = not_given; ///< μ_w ≥ 0
+    double sink_speed = 0;       ///< m/s, downwards
   };
 
   /// Throws std::invalid_argument if a parameter is out of range.
@@ -29,7 +29,7 @@ class Floor final : public Obstacle<Dim> {
     for (int a = 0; a < Dim; ++a)
       require_finite("floor.centre", params_.centre[a]);
     require_non_negative("floor.opening", params_.opening);
-    require_non_negative("floor.friction", params_.friction);
+    require_given_non_negative("floor.friction", params_.friction);
     require_non_negative("floor.sink_speed", params_.sink_speed);
   }
 

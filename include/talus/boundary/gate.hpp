@@ -45,10 +45,10 @@ template <int Dim>
 class Gate final : public Obstacle<Dim> {
  public:
   struct Params {
-    double position = 0;  ///< x of its upstream side, m
-    double bottom = 0;    ///< height of its lower edge while closed, m
-    double thickness = 0; ///< m; less than a cell: one layer of nodes
-    double friction = 0;  ///< μ_D
+    double position = 0;         ///< x of its upstream side, m
+    double bottom = 0;           ///< height of its lower edge while closed, m
+    double thickness = 0;        ///< m; less than a cell: one layer of nodes
+    double friction = not_given; ///< μ_D ≥ 0
     GateMotion motion{};
   };
 
@@ -57,7 +57,7 @@ class Gate final : public Obstacle<Dim> {
     require_finite("gate.position", params_.position);
     require_finite("gate.bottom", params_.bottom);
     require_non_negative("gate.thickness", params_.thickness);
-    require_non_negative("gate.friction", params_.friction);
+    require_given_non_negative("gate.friction", params_.friction);
     require_non_negative("gate.motion.opening_time", params_.motion.opening_time);
     require_non_negative("gate.motion.terminal_speed", params_.motion.terminal_speed);
     require_non_negative("gate.motion.time_constant", params_.motion.time_constant);

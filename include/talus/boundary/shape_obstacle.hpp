@@ -21,15 +21,16 @@ class ShapeObstacle final : public Obstacle<Dim> {
  public:
   struct Params {
     Shape<Dim> shape;             ///< in its own frame
-    double friction = 0;          ///< μ_w
+    double friction = not_given;  ///< μ_w ≥ 0
     RigidMotion<Dim> motion = {}; ///< where that frame is; nothing: it is the box's, at rest
   };
 
-  /// Throws std::invalid_argument if there is no shape, or the friction is negative or not finite.
+  /// Throws std::invalid_argument if there is no shape, or the friction is not given, negative or
+  /// not finite.
   explicit ShapeObstacle(Params params) : params_(std::move(params)) {
     if (params_.shape.empty())
       throw_invalid("shape_obstacle.shape", "empty", "a model of SignedDistance");
-    require_non_negative("shape_obstacle.friction", params_.friction);
+    require_given_non_negative("shape_obstacle.friction", params_.friction);
   }
 
   /// Place and velocities at `time` (s). Throws std::invalid_argument if the motion gives a number

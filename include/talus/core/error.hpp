@@ -4,6 +4,7 @@
 #include "talus/core/compiler.hpp"
 
 #include <cmath>
+#include <limits>
 #include <locale>
 #include <sstream>
 #include <stdexcept>
@@ -54,6 +55,16 @@ inline void require_positive(std::string_view name, double value) {
 inline void require_non_negative(std::string_view name, double value) {
   if (!(std::isfinite(value) && value >= 0))
     throw_invalid(name, value, "a finite number >= 0");
+}
+
+/// What a parameter without a default is until it is given: a scene that forgets it is refused.
+inline constexpr double not_given = std::numeric_limits<double>::quiet_NaN();
+
+/// Throws std::invalid_argument unless `value`, not_given by default, is finite and >= 0.
+inline void require_given_non_negative(std::string_view name, double value) {
+  if (std::isnan(value))
+    throw_invalid(name, "nan, not given", "a finite number >= 0; it has no default");
+  require_non_negative(name, value);
 }
 
 /// Throws std::invalid_argument unless `value` is finite.

@@ -55,7 +55,8 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
     for (const auto& [side, face] :
          {std::pair("lower.", params.faces.lower[s]), std::pair("upper.", params.faces.upper[s])}) {
       add("faces." + (side + axis) + ".kind", static_cast<int>(face.kind));
-      add("faces." + (side + axis) + ".friction", face.friction);
+      add("faces." + (side + axis) + ".friction",
+          face.kind == FaceKind::frictional ? face.friction : 0.0);
     }
   }
   add("material.density", params.material.density);

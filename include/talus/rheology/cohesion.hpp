@@ -25,13 +25,13 @@ class WithCohesion : public Law {
  public:
   struct Params {
     typename Law::Params law{};
-    double cohesion = 0; ///< c, Pa; ≥ 0
+    double cohesion = not_given; ///< c, Pa; ≥ 0
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or if there is cohesion but no
   /// friction: that cone has no apex.
   explicit WithCohesion(const Params& params) : Law(params.law), cohesion_(params.cohesion) {
-    require_non_negative("rheology.cohesion", cohesion_);
+    require_given_non_negative("rheology.cohesion", cohesion_);
     for (const double I : {0.0, std::numeric_limits<double>::infinity()})
       if (cohesion_ > 0 && !(this->friction(I) > 0))
         throw_invalid("rheology.cohesion", cohesion_, "0 where there is no friction");

@@ -10,14 +10,14 @@ namespace talus {
 
 /// A Newtonian part 2 η D of the stress, and how exactly a step takes it.
 struct Viscosity {
-  double eta = 0; ///< η, Pa s; ≥ 0
+  double eta = not_given; ///< η, Pa s; ≥ 0
   /// Of the velocities: root mean square error over the step's velocity scale, see ViscousSolver.
   double tolerance = 1e-6;
   int max_iterations = 1000;
 
   /// Throws std::invalid_argument if a parameter is out of range.
   void validate() const {
-    require_non_negative("rheology.viscosity.eta", eta);
+    require_given_non_negative("rheology.viscosity.eta", eta);
     require_positive("rheology.viscosity.tolerance", tolerance);
     if (max_iterations < 1)
       throw_invalid("rheology.viscosity.max_iterations", max_iterations, "an integer >= 1");

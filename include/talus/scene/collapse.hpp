@@ -26,9 +26,9 @@ struct CollapseSetup {
   double column_height = 0;                 ///< H_0, above the bed, m
   double bed_depth = 0;                     ///< m
   double length = 0, width = 0, height = 0; ///< of the channel, m; the width is ignored in 2-D
-  double wall_friction = 0;                 ///< μ_w of upstream, downstream and side walls
+  double wall_friction = not_given;         ///< μ_w of upstream, downstream and side walls
   bool downstream_sticks = false;           ///< the downstream wall sticks instead
-  double gate_friction = 0;                 ///< μ_D
+  double gate_friction = not_given;         ///< μ_D
   double gate_thickness = 0;                ///< m; 0: as thin as the grid resolves
   GateMotion gate{};
   double gravity = 9.81; ///< m/s²
@@ -43,8 +43,8 @@ struct CollapseSetup {
     require_non_negative("bed_depth", bed_depth);
     require_positive("length", length);
     require_positive("height", height);
-    require_non_negative("wall_friction", wall_friction);
-    require_non_negative("gate_friction", gate_friction);
+    require_given_non_negative("wall_friction", wall_friction);
+    require_given_non_negative("gate_friction", gate_friction);
     require_non_negative("gravity", gravity);
     if (!(column_length < length))
       throw_invalid("column_length", column_length, "less than the channel's length");
@@ -91,9 +91,9 @@ struct CollapseSetup {
     for (std::size_t a = 0; a < up; ++a)
       faces.lower[a] = faces.upper[a] = wall;
     if (downstream_sticks)
-      faces.upper[0] = {FaceKind::stick, 0};
-    faces.lower[up] = {FaceKind::stick, 0};
-    faces.upper[up] = {FaceKind::free, 0};
+      faces.upper[0] = {FaceKind::stick};
+    faces.lower[up] = {FaceKind::stick};
+    faces.upper[up] = {FaceKind::free};
     return faces;
   }
 

@@ -59,11 +59,9 @@ struct TiltedBoxSetup {
   template <int Dim>
   Faces<Dim> faces() const {
     constexpr std::size_t up = up_axis<Dim>;
-    Faces<Dim> faces;
-    for (std::size_t a = 0; a < up; ++a)
-      faces.lower[a].kind = faces.upper[a].kind = FaceKind::slip;
-    faces.lower[up].kind = FaceKind::stick;
-    faces.upper[up].kind = FaceKind::free;
+    auto faces = Faces<Dim>::all({FaceKind::slip});
+    faces.lower[up] = {FaceKind::stick};
+    faces.upper[up] = {FaceKind::free};
     return faces;
   }
 

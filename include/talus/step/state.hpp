@@ -12,7 +12,9 @@
 #include "talus/step/free_bodies.hpp"
 
 #include <algorithm>
+#include <array>
 #include <charconv>
+#include <cmath>
 #include <cstddef>
 #include <string>
 #include <vector>
@@ -46,6 +48,18 @@ struct SimulationStateView {
   const std::vector<RigidState<Dim>>& bodies;
   const std::vector<BodyContact<Dim>>& body_contacts;
 };
+
+/// Throws std::invalid_argument unless gravity (m/s²), not_given by default, is finite.
+template <int Dim>
+void check_gravity(const std::string& name, const Vec<Dim>& gravity) {
+  constexpr std::array axis_names{".x", ".y", ".z"};
+  for (int a = 0; a < Dim; ++a)
+    if (!std::isfinite(gravity[a]))
+      throw_invalid(name + axis_names[static_cast<std::size_t>(a)],
+                    std::isnan(gravity[a]) ? "nan, not given" : text_of(gravity[a]),
+                    std::string("finite numbers, m/s²; it has no default: ") +
+                        (Dim == 2 ? "{0, 0}" : "{0, 0, 0}") + " for none");
+}
 
 /// Throws std::invalid_argument unless all ids differ and are below next_id.
 template <int Dim, class Real>
@@ -103,8 +117,7 @@ template <int Dim, class Real>
 void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>& bounds) {
   require_non_negative("state.time", state.time);
   require_positive("state.time_step", state.time_step);
-  for (int a = 0; a < Dim; ++a)
-    require_finite("state.gravity", state.gravity[a]);
+  check_gravity("state.gravity", state.gravity);
   check_particles(state.particles, bounds.grid);
   const int nodes = bounds.grid.node_count();
   if (state.node_stress.size() != static_cast<std::size_t>(nodes))

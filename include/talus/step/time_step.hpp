@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/boundary/obstacle.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
+#include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
 
 #include <algorithm>
@@ -14,20 +16,34 @@
 
 namespace talus {
 
-/// δt = cfl / max_a (|u_a| + |g_a| δt_max)/h_a over nodes and corners of bodies, at most δt_max, s.
-/// A body outside of the box may go on until it has come back by that share of a cell.
+/// δt = cfl / max_a (|u_a| + |g_a| δt_max)/h_a over nodes and corners of bodies, at most δt_max, s;
+/// for obstacles |v_a|/h_a over the nodes that they hold, whether there is material yet or not, so
+/// that they don't jump into it. A body outside of the box may go on until it has come back by that
+/// share of a cell; an obstacle outside has no influence.
 /// cfl: largest share of a cell to cross in a step, > 0; largest: δt_max, s; nodes: those of the
-/// box; velocity: u*, #nodes of the grid, m/s; gravity: m/s².
+/// box; velocity: u*, #nodes of the grid, m/s; gravity: m/s². Throws std::invalid_argument if an
+/// obstacle gives what is no contact (see check_contact).
 template <int Dim>
-double cfl_time_step(double cfl, double largest, const Grid<Dim>& grid,
+double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
                      const std::vector<int>& nodes, const std::vector<NodeVec<Dim>>& velocity,
                      const FreeBodies<Dim>& bodies, const Vec<Dim>& gravity) {
+  const Grid<Dim>& grid = bounds.grid;
   double rate = cfl / largest; // cells a second
   for (const int node : nodes)
     for (int a = 0; a < Dim; ++a) {
       const double speed =
           std::abs(velocity[static_cast<std::size_t>(node)][a]) + std::abs(gravity[a]) * largest;
       rate = std::max(rate, speed * grid.inverse_spacing()[a]);
+    }
+  for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
+    for (const int node : nodes) {
+      const Vec<Dim> x = grid.node_position(grid.node_index(node));
+      const auto held = bounds.obstacles[o]->contact(x, grid.spacing(), bounds.time);
+      if (!held)
+        continue;
+      check_contact(o, x, *held);
+      for (int a = 0; a < Dim; ++a)
+        rate = std::max(rate, std::abs(held->velocity[a]) * grid.inverse_spacing()[a]);
     }
   for (std::size_t b = 0; b < bodies.state.size(); ++b) {
     double of_body = 0, to_box = std::numeric_limits<double>::infinity();
