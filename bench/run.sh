@@ -6,14 +6,15 @@
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
+#     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, 15 minutes
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
-  local | global | step) name=$1; shift ;;
-  -h | --help) sed -n '3,8s/^# \{0,1\}//p' "$0"; exit 0 ;;
-  *) echo "which benchmark? sh $0 local | global | step" >&2; exit 2 ;;
+  local | global | step | accuracy) name=$1; shift ;;
+  -h | --help) sed -n '3,9s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global | step | accuracy" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
@@ -39,6 +40,11 @@ if [ "$name" = local ]; then
     --benchmark_out="$out/local_solver.json" "$@" > "$out/local_solver.log"
   "$python" "$root/bench/local_solver.py" "$out"
   echo "$out/local_solver.json, .md, .png"
+  exit
+fi
+
+if [ "$name" = accuracy ]; then
+  "$build/bench/accuracy" | tee "$out/accuracy.csv"
   exit
 fi
 
