@@ -484,6 +484,40 @@ class Simulation {
     problem_.friction[i] = friction(i);
   }
 
+  /// Does the material of node j end at a free surface along `axis`: is the next node that way (±1)
+  /// less than half full? What is empty before a closed face is a gap, not a surface.
+  bool surface_towards(std::size_t j, const Index<Dim>& index, int axis, int way) const {
+    Index<Dim> next = index;
+    next[axis] += way;
+    if (next[axis] < 0 || next[axis] > grid_.cells(axis))
+      return false;
+    const std::size_t s = static_cast<std::size_t>(axis);
+    if ((next[axis] == 0 && params_.faces.lower[s].kind != FaceKind::free) ||
+        (next[axis] == grid_.cells(axis) && params_.faces.upper[s].kind != FaceKind::free))
+      return false;
+    const std::size_t k =
+        j + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(way) * grid_.node_stride(axis));
+    return material_volume_[k] < 0.5 * grid_.node_volume(next);
+  }
+
+  /// φ of node j if it were dense, from where its material lies. mean: see dense_fraction.
+  double dense_at(std::size_t j, const Index<Dim>& index, Vec<Dim> mean) const {
+    std::array<NodeSide, std::size_t{Dim}> side;
+    for (int a = 0; a < Dim; ++a) {
+      NodeSide& here = side[static_cast<std::size_t>(a)];
+      here = index[a] == 0                ? NodeSide::on_lower_face
+             : index[a] == grid_.cells(a) ? NodeSide::on_upper_face
+                                          : NodeSide::inside;
+      const int way = here == NodeSide::on_lower_face   ? 1
+                      : here == NodeSide::on_upper_face ? -1
+                      : mean[a] > 0                     ? -1
+                                                        : 1;
+      if (!surface_towards(j, index, a, way))
+        mean[a] = here == NodeSide::inside ? 0 : 1;
+    }
+    return dense_fraction<Dim>(mean, side);
+  }
+
   /// By how much cone i may compact (> 0) or must expand in this step, m^d. first_moment:
   /// Σ V_p N_i (x_p − x_i)/h by axis, m^d.
   double room(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
@@ -491,14 +525,9 @@ class Simulation {
     const double material = material_volume_[j], volume = problem_.volume[i];
     const bool in_the_open = open_share_[j] == 1; // beside solids the plain rule holds
     double dense = 1, shear = 0;
-    if (in_the_open && params_.packing.surfaces) {
-      std::array<NodeSide, std::size_t{Dim}> side;
-      for (int a = 0; a < Dim; ++a)
-        side[static_cast<std::size_t>(a)] = index[a] == 0                ? NodeSide::on_lower_face
-                                            : index[a] == grid_.cells(a) ? NodeSide::on_upper_face
-                                                                         : NodeSide::inside;
-      dense = dense_fraction<Dim>(scaled<Dim>(1 / material, first_moment), side);
-    }
+    // Cohesion would hang what is below a surface on the air above it.
+    if (in_the_open && params_.packing.surfaces && !Cohesive<RheologyT>)
+      dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
     if (in_the_open && material > volume) {
       const Vec<cone_size> rate = strain_rate(problem_, stencil_, i);
       double shear2 = 0;

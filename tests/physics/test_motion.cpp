@@ -22,6 +22,8 @@ void free_fall() {
   params.grid = base.grid;
   params.material = base.material;
   params.gravity = base.gravity;
+  params.faces = base.faces;
+  params.rheology = base.rheology;
   params.time_step = 1e-3;
   Particles<Dim> particles;
   Vec<Dim> lower = Vec<Dim>::Constant(0.21), upper = Vec<Dim>::Constant(0.38);

@@ -106,7 +106,7 @@ double vortex_loss(const Setting<Transfer>& setting, int waves = 2, double secon
   params.gravity *= 1e-4;
   if constexpr (requires { params.transfer.damping; })
     params.transfer.damping *= 100; // as with all of gravity
-  params.packing.dilatancy = 0; // it is denser than dense, so that nothing settles
+  params.packing.dilatancy = 0;     // it is denser than dense, so that nothing settles
   Particles<2> fluid;
   fill(fluid, params, setting, {0, 0}, {size, size});
   for (double& volume : fluid.volume)
