@@ -59,7 +59,7 @@ struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
   /// β: what is packed denser than 1 + slack expands while it is sheared, as dense granular
   /// materials do: Tr D = β (φ − 1 − slack) ‖Dev D‖ of the flow before the step.
-  double dilatancy = 5;
+  double dilatancy = 10;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;
 

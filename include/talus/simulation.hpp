@@ -485,7 +485,8 @@ class Simulation {
   }
 
   /// Does the material of node j end at a free surface along `axis`: is the next node that way (±1)
-  /// less than half full? What is empty before a closed face is a gap, not a surface.
+  /// emptier than that of a dense layer a cell thick (1/2), but for noise? What is empty before a
+  /// closed face is a gap, not a surface.
   bool surface_towards(std::size_t j, const Index<Dim>& index, int axis, int way) const {
     Index<Dim> next = index;
     next[axis] += way;
@@ -497,7 +498,7 @@ class Simulation {
       return false;
     const std::size_t k =
         j + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(way) * grid_.node_stride(axis));
-    return material_volume_[k] < 0.5 * grid_.node_volume(next);
+    return material_volume_[k] < 0.4 * grid_.node_volume(next);
   }
 
   /// φ of node j if it were dense, from where its material lies. mean: see dense_fraction.

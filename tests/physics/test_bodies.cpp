@@ -73,7 +73,7 @@ Vec<2> turned(double angle_deg, const Vec<2>& v) {
 /// Returns friction force over normal force of the wall, over the whole run.
 template <int Dim>
 double sliding_friction(double mu, bool on_face) {
-  auto params = scenes::box<Dim>({0.8, 0.04, 0.1}, {40, 2, 10}, 30, 1.2);
+  auto params = scenes::box<Dim>({0.8, 0.04, 0.1}, {40, 2, 10}, 30, 0.8);
   constexpr int up = up_axis<Dim>;
   const double floor = on_face ? 0 : 0.033; // between nodes
   if (on_face)

@@ -100,6 +100,7 @@ void rotation(double time_step, double bound) {
 template <int Dim>
 scenes::Sim<Dim> sliding_block(double angle_deg, double wall_friction, double speed) {
   auto params = scenes::box<Dim>({0.8, 0.04, 0.08}, {40, 2, 8}, angle_deg, 1);
+  params.packing.surfaces = false; // at such a friction the solver misses single steps with it
   params.faces.lower[up_axis<Dim>] = {FaceKind::frictional, wall_friction};
   auto particles = scenes::block<Dim>(params.grid, 0.1, 0.3, 0, 0.04);
   for (auto& v : particles.velocity)

@@ -65,7 +65,7 @@ ObstacleSketch sketch_obstacle(const Obstacle<Dim>& obstacle, const Grid<Dim>& g
       Index<Dim> node;
       for (int a = 0; a < Dim; ++a)
         node[a] = random.below(grid.cells(a) + 1);
-      std::array<double, 2 + 2 * Dim> weight;
+      std::array<double, std::size_t{2 + 2 * Dim}> weight;
       for (double& w : weight)
         w = random.centred();
       const Vec<Dim> x = grid.node_position(node);

@@ -30,7 +30,7 @@ class GivenFunction {
   GivenFunction() = default;
   GivenFunction(const F& function) : function_(function) {} // NOLINT: as if it were the function
   GivenFunction(const GivenFunction&) = default;
-  GivenFunction(GivenFunction&&) = default;
+  GivenFunction(GivenFunction&&) noexcept(std::is_nothrow_move_constructible_v<F>) = default;
   GivenFunction& operator=(const GivenFunction& other) {
     if (this != &other) {
       function_.reset();
