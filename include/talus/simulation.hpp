@@ -498,7 +498,7 @@ class Simulation {
       return false;
     const std::size_t k =
         j + static_cast<std::size_t>(static_cast<std::ptrdiff_t>(way) * grid_.node_stride(axis));
-    return material_volume_[k] < 0.4 * grid_.node_volume(next);
+    return material_volume_[k] < 0.45 * grid_.node_volume(next);
   }
 
   /// φ of node j if it were dense, from where its material lies. mean: see dense_fraction.

@@ -295,7 +295,7 @@ TEST_CASE("dilatancy keeps the volume") {
     const CollapseSetup setup = small_collapse();
     auto params = support::collapse_params<scenes::Sim<2>>(setup, {0.01, 0.01, 0.005}, 1e-3);
     params.packing = packing;
-    const auto particles = setup.particles<2>(Grid<2>(params.grid), {.per_axis = 3});
+    const auto particles = setup.particles<2>(Grid<2>(params.grid), {.per_axis = 4});
     double volume = 0;
     for (const double v : particles.volume)
       volume += v;
