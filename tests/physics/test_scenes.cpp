@@ -120,7 +120,7 @@ TEST_CASE("the slope of a heap is the angle of friction") {
          .friction = 0.2,
          .motion = {.terminal_speed = lift_speed, .time_constant = 0, .rise = gap}})};
     Particles<2> sand;
-    fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {length, 0.11}, {});
+    fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {length, 0.11}, {.per_axis = 4});
     scenes::Sim<2> sim(params, sand);
     while (sim.time() < gap / lift_speed + 0.5)
       REQUIRE(sim.step().completed());
