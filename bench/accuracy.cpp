@@ -19,7 +19,7 @@ void rows(const char* name, const typename Transfer::Params& transfer = {}) {
       s.time_step = 0.1 * cell * share; // s: 1 ms at 1 cm
       s.transfer = transfer;
       std::printf("%s,%g,%g,%.3f", name, cell, s.time_step, accuracy::vortex_loss(s));
-      for (const double layers : {0.3, 0.6, 1.0, 2.0, 4.0})
+      for (const double layers : {0.15, 0.3, 0.6, 1.0, 2.0, 4.0})
         std::printf(",%.3f", accuracy::sliding_layer(s, layers * cell));
       const accuracy::Collision collision = accuracy::slab_hits_column(s);
       s.jitter = 0.5;
@@ -33,11 +33,18 @@ void rows(const char* name, const typename Transfer::Params& transfer = {}) {
 } // namespace
 
 int main() {
-  std::printf(
-      "transfer,cell_m,time_step_s,vortex_loss_1_s,layer_0.3_m_s2,layer_0.6_m_s2,layer_1_m_s2,"
-      "layer_2_m_s2,layer_4_m_s2,collision_spread,collision_momentum,landing_gap_m,"
-      "landing_rebound,landing_rest_s,landing_noise_m_s\n");
+  std::printf("transfer,cell_m,time_step_s,vortex_loss_1_s,layer_0.15_m_s2,layer_0.3_m_s2,layer_0."
+              "6_m_s2,layer_1_m_s2,"
+              "layer_2_m_s2,layer_4_m_s2,collision_spread,collision_momentum,landing_gap_m,"
+              "landing_rebound,landing_rest_s,landing_noise_m_s\n");
   rows<PolyPic>("polypic");
+  for (const double damping : {0.0, 4.0, 40.0}) // how the defaults were chosen: docs/accuracy.md
+    rows<PolyPic>(damping == 0   ? "polypic_c0"
+                  : damping == 4 ? "polypic_c4"
+                                 : "polypic_c40",
+                  {.damping = damping});
+  rows<PolyPic>("polypic_b0", {.thin_damping = 0});
+  rows<PolyPic>("polypic_b0.1", {.thin_damping = 0.1});
   rows<Apic>("apic");
   rows<Flip>("flip");
   rows<Pic>("pic");

@@ -6,7 +6,7 @@
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
-#     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, 15 minutes
+#     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, half an hour or more
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
