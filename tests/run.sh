@@ -21,8 +21,10 @@ cmake --build "$build" --parallel "$jobs"
 status=0
 (cd "$build" && ctest --output-on-failure --no-tests=error --parallel "$jobs") || status=$?
 
-# What ctest counts as one test are many cases: their numbers, program by program.
-awk '/^[0-9]+\/[0-9]+ Testing: / { name = $3 }
-     /^\[doctest\] (test cases|assertions):/ { sub(/^\[doctest\]/, name ":"); print }' \
+# How much was checked, program by program.
+awk '/^[0-9]+\/[0-9]+ Testing: / { kind = $3; sub(/:.*/, "", kind) }
+     /^\[doctest\] test cases:/ { cases[kind] += $4 }
+     /^\[doctest\] assertions:/ { assertions[kind] += $3 }
+     END { for (kind in cases) print kind ": " cases[kind] " cases, " assertions[kind] " assertions" }' \
   "$build/Testing/Temporary/LastTest.log"
 exit $status

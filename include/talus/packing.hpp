@@ -58,13 +58,15 @@ double dense_fraction(const Vec<Dim>& mean, const std::array<NodeSide, std::size
 struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
   /// β: what is packed denser than 1 + slack expands while it is sheared, as dense granular
-  /// materials do: Tr D = β (φ − 1 − slack) ‖Dev D‖ of the flow before the step.
-  double dilatancy = 10;
+  /// materials do: Tr D = min(β (φ − 1 − slack), 1/2) |γ̇|, with |γ̇| = sqrt(2) ‖Dev D‖ of the flow
+  /// before the step.
+  double dilatancy = 5;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;
 
-  /// Largest share of what is too dense that one step takes back.
-  static constexpr double largest_share = 0.1;
+  /// Largest Tr D/|γ̇|. Expansion along one axis has |γ̇| = Tr D in 2-D and 1.15 Tr D in 3-D: with 1
+  /// it would feed itself.
+  static constexpr double steepest = 0.5;
 
   /// Throws std::invalid_argument if a parameter is out of range.
   void validate() const {
@@ -74,12 +76,12 @@ struct Packing {
   }
 
   /// By how much a node may change its volume in this step, over that volume: > 0 to compact, < 0
-  /// to expand. fraction: φ_i; dense: what it is when dense, see dense_fraction; shear: ‖Dev D‖ δt,
+  /// to expand. fraction: φ_i; dense: what it is when dense, see dense_fraction; shear: |γ̇| δt,
   /// >= 0.
   double room(double fraction, double dense, double shear) const {
     const double excess = fraction - 1 - slack;
-    if (excess > 0)
-      return -std::min(dilatancy * shear, largest_share) * excess;
+    if (excess > 0) // the step's share of an exponential decay, whatever δt is
+      return -std::min(-std::expm1(-dilatancy * shear) * excess, steepest * shear);
     return std::max(0.0, dense - fraction - slack);
   }
 };

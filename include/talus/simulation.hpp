@@ -534,7 +534,7 @@ class Simulation {
       double shear2 = 0;
       for (int k = 1; k < cone_size; ++k)
         shear2 += rate[k] * rate[k];
-      shear = std::sqrt(shear2) / material * time_step_;
+      shear = 2 * std::sqrt(shear2) / material * time_step_; // |γ̇|² = 4 γ_T²
     }
     return params_.packing.room(material / volume, dense, shear) * volume;
   }

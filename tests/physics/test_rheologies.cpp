@@ -256,8 +256,8 @@ TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
     double factor, density;
   };
   // of the shear rate and the medium's density, and of half of it and that of grains packed to 0.6
-  for (const auto& [factor, inertial_density] :
-       {Convention{2, density}, Convention{1, density / 0.6}}) {
+  for (const Convention convention : {Convention{2, density}, Convention{1, density / 0.6}}) {
+    const double factor = convention.factor, inertial_density = convention.density;
     auto params = layer(cells, 40, height, 26);
     params.rheology.law.law = {.law = glass,
                                .inertial = {.grain_diameter = diameter,

@@ -212,35 +212,34 @@ Landing block_lands(const Setting<Transfer>& setting, double fall = 0.05, double
   return landing;
 }
 
-/// Without gravity, in a shaft without ends, a slab hits a column at rest: how far the velocities
-/// are from the common one in the end, root mean square over the slab's first speed (exact: 0), and
-/// the change of momentum.
+/// In a shaft without ends a slab hits a column while both fall freely, under `gravity` (m/s²): how
+/// far the velocities are from the common one in the end, root mean square over the slab's first
+/// speed (exact: 0), and the change of momentum against that of free fall.
 struct Collision {
   double spread = 0, momentum = 0;
 };
 template <class Transfer>
-Collision slab_hits_column(const Setting<Transfer>& setting, double seconds = 0.15) {
-  constexpr double width = 0.05, speed = 0.5;
-  auto params = box(setting, width, 0.3, 0.44);
-  params.gravity.setZero();
+Collision slab_hits_column(const Setting<Transfer>& setting, double gravity = 9.81) {
+  constexpr double width = 0.05, speed = 0.5, seconds = 0.23;
+  auto params = box(setting, width, 0.6, 0.44);
+  params.gravity = {0, -gravity};
   params.faces.lower[1].kind = params.faces.upper[1].kind = FaceKind::free;
   Particles<2> sand;
-  fill(sand, params, setting, {0, 0.08}, {width, 0.16});
+  fill(sand, params, setting, {0, 0.38}, {width, 0.46});
   const std::size_t column = sand.size();
-  fill(sand, params, setting, {0, 0.20}, {width, 0.24});
+  fill(sand, params, setting, {0, 0.50}, {width, 0.54}); // they meet after 0.08 s
   for (std::size_t p = column; p < sand.size(); ++p)
     sand.velocity[p][1] = -speed;
   Sim<Transfer> sim(params, sand);
-  advance(sim, 0.04 / speed + seconds);
+  advance(sim, seconds);
+  const Vec<2> common(0, -speed / 3 - gravity * sim.time());
   double volume = 0, momentum = 0, square = 0;
   for (std::size_t p = 0; p < sim.particles().size(); ++p) {
     volume += sim.particles().volume[p];
     momentum += sim.particles().volume[p] * sim.particles().velocity[p][1];
+    square += sim.particles().volume[p] * (sim.particles().velocity[p] - common).squaredNorm();
   }
-  for (std::size_t p = 0; p < sim.particles().size(); ++p)
-    square += sim.particles().volume[p] *
-              (sim.particles().velocity[p] - Vec<2>(0, -speed / 3)).squaredNorm();
-  return {std::sqrt(square / volume) / speed, momentum / volume / (-speed / 3) - 1};
+  return {std::sqrt(square / volume) / speed, momentum / volume / common[1] - 1};
 }
 
 } // namespace accuracy

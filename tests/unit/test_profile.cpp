@@ -195,7 +195,7 @@ TEST_CASE("the statistics of a user's solver are read back from its workspace") 
 }
 
 TEST_CASE(
-    "particles on faces, edges and nodes count once; one beyond by rounding is refused in words") {
+    "particles on faces, edges and nodes count once, and one beyond by rounding is refused in words") {
   Sim<2>::Params params = box<2>();
   params.grid = {.origin = {0, 0}, .size = {0.3, 0.2}, .cells = {3, 2}};
   Particles<2> sand;

@@ -327,8 +327,9 @@ TEST_CASE("material may be taken out, all of it") {
     CHECK(stress.norm() == 0);
 }
 
-TEST_CASE("a body that has left neither rules the time step nor stands on anything; it is reported "
-          "once") {
+TEST_CASE(
+    "a body that has left neither rules the time step nor stands on anything, and is reported "
+    "once") {
   const Folder folder;
   for (const bool corners : {true, false}) {
     CAPTURE(corners);
@@ -528,7 +529,7 @@ TEST_CASE("a solve that ran out of sweeps can be saved and gone on with") {
   CHECK(state_checksum(sim.particles()) == state_checksum(other.particles()));
 }
 
-TEST_CASE("a time step so small that time stands still is refused; the state can be saved") {
+TEST_CASE("a time step so small that time stands still is refused, and the state can be saved") {
   const Folder folder;
   auto params = box();
   params.cfl = 0.5;

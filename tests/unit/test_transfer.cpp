@@ -474,6 +474,11 @@ TEST_CASE("dense material with a free surface is dense, loose material is not") 
   CHECK(packing.room(0.7, 0.7, 0.1) == 0);
   CHECK(packing.room(0.7, 1, 0.1) == doctest::Approx(0.28));
   CHECK(packing.room(1.12, 1, 0) == 0);
-  CHECK(packing.room(1.12, 1, 0.01) == doctest::Approx(-0.002));
-  CHECK(packing.room(1.12, 1, 10) == doctest::Approx(-0.01)); // not faster than a tenth a step
+  CHECK(packing.room(1.12, 1, 0.001) == doctest::Approx(-0.0002).epsilon(2e-3));
+  double fraction = 1.12; // the same whatever the steps are
+  for (int k = 0; k < 10; ++k)
+    fraction += packing.room(fraction, 1, 0.03);
+  CHECK(fraction == doctest::Approx(1.12 + packing.room(1.12, 1, 0.3)));
+  CHECK(packing.room(3, 1, 0.01) ==
+        doctest::Approx(-0.005)); // Tr D is at most half of the shear rate
 }
