@@ -51,7 +51,7 @@ SolveReport timed(const Options& options, const DualProblem<Dim>& problem, doubl
   SolveReport best;
   for (int k = 0; k < options.repetitions; ++k) {
     DualProblem<Dim> copy = problem;
-    const SolveReport report = solver.solve(copy, workspace, options.threads);
+    const SolveReport report = solver.solve(copy, workspace, Execution(options.threads));
     if (k == 0 || report.seconds < best.seconds)
       best = report;
   }

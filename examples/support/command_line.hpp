@@ -22,7 +22,7 @@ struct TomlAssertion {};
 #include "whole_numbers.hpp"
 
 #include "talus/core/error.hpp"
-#include "talus/core/parallel.hpp"
+#include "talus/core/execution.hpp"
 
 #include <algorithm>
 #include <cctype>

@@ -5,8 +5,8 @@
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/parallel.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
@@ -42,6 +42,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <utility>
@@ -97,9 +98,9 @@ class Simulation {
   /// has no positive volume, a velocity that is not finite or the id of another. A box may be
   /// empty.
   explicit Simulation(Params params, ParticleData particles)
-      : params_(std::move(params)), grid_(params_.grid), rheology_(params_.rheology),
-        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
-        particles_(std::move(particles)) {
+      : params_(std::move(params)), execution_(params_.threads), grid_(params_.grid),
+        rheology_(params_.rheology), transfer_(params_.transfer), solver_(params_.solver),
+        stencil_(grid_), node_order_(grid_), particles_(std::move(particles)) {
     require_positive("material.density", params_.material.density);
     require_positive("time_step", params_.time_step);
     require_non_negative("cfl", params_.cfl);
@@ -109,8 +110,6 @@ class Simulation {
     require_positive("min_relative_mass", params_.min_relative_mass);
     params_.packing.validate();
     check_gravity("gravity", params_.gravity);
-    if (params_.threads < 1)
-      throw_invalid("threads", params_.threads, "an integer >= 1");
     params_.faces.validate();
     if constexpr (RheologyT::rate_dependent)
       InertialNumber(rheology_.inertial_number()).validate();
@@ -173,14 +172,14 @@ class Simulation {
     const double ratio = time_step_ / attempt.last_time_step();
     collect_cones(ratio);
     add_gravity();
-    hold_at_faces(params_.faces, node_order_.nodes(), problem_);
+    hold_at_faces(params_.faces, node_order_.nodes(), execution_, problem_);
     collect_contacts(boundaries(), node_rank_, {last_.contacts, ratio}, problem_);
     collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_,
                           {last_.body_contacts, ratio}, problem_);
-    apply_impulses(problem_, stencil_);
+    apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
       report.viscous = viscous_solver_.solve(problem_, material_volume_, rheology_.viscosity(),
-                                             time_step_, params_.threads);
+                                             time_step_, execution_);
     move_apex(rheology_, problem_, time_step_, 1);
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
@@ -190,8 +189,9 @@ class Simulation {
              update_friction(report))
         solve(report);
     const auto t3 = Clock::now();
-    report.largest_fraction = largest_fraction(problem_, open_share_, material_volume_);
-    report.courant = courant_number(problem_, time_step_);
+    report.largest_fraction =
+        largest_fraction(problem_, open_share_, material_volume_, execution_, partials_);
+    report.courant = courant_number(problem_, time_step_, execution_, partials_);
     if (!std::isfinite(report.courant)) // whatever the solver says
       report.solve.status = SolveStatus::not_finite;
     if (report.completed()) {
@@ -407,6 +407,20 @@ class Simulation {
             params_.gravity};
   }
 
+  /// Calls body(node) for all nodes of the box.
+  template <class Body>
+  void for_each_node(const Body& body) {
+    execution_.for_each(std::ssize(node_order_.nodes()), [&](std::ptrdiff_t k) {
+      body(static_cast<std::size_t>(node_order_.nodes()[static_cast<std::size_t>(k)]));
+    });
+  }
+  /// Calls body(cone) for all cones.
+  template <class Body>
+  void for_each_cone(const Body& body) {
+    execution_.for_each(static_cast<std::ptrdiff_t>(problem_.cones()),
+                        [&](std::ptrdiff_t i) { body(static_cast<std::size_t>(i)); });
+  }
+
   double node_mass(std::size_t node) const {
     return params_.material.density * material_volume_[node];
   }
@@ -415,11 +429,16 @@ class Simulation {
   void particles_to_grid() {
     if constexpr (TransferT::field == ParticleField::multilinear)
       particles_.resize_mixed(particles_.size());
-    order_.update(particles_, grid_, params_.threads);
-    all_cell_moments<TransferT::field>(particles_, order_, grid_, params_.threads, moments_);
-    cells_to_nodes(moments_, order_, grid_, node_order_.nodes(), params_.threads, material_volume_,
+    order_.update(particles_, grid_, execution_);
+    all_cell_moments<TransferT::field>(particles_, order_, grid_, execution_, moments_);
+    cells_to_nodes(moments_, order_, grid_, node_order_.nodes(), execution_, material_volume_,
                    velocity_before_);
-    problem_.velocity = velocity_before_;
+    problem_.velocity.resize(velocity_before_.size());
+    execution_.for_ranges(
+        std::ssize(velocity_before_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          std::copy(velocity_before_.begin() + begin, velocity_before_.begin() + end,
+                    problem_.velocity.begin() + begin);
+        });
   }
 
   void choose_time_step() {
@@ -433,22 +452,20 @@ class Simulation {
   /// ratio: this time step over the last: λ is a stress times δt.
   void collect_cones(double ratio) {
     const double least_volume = params_.min_relative_mass * grid_.cell_volume();
-    problem_.node.clear();
-    for (const int node : node_order_.nodes()) {
-      const std::size_t j = static_cast<std::size_t>(node);
+    for_each_node([&](std::size_t j) {
       problem_.inverse_mass[j] = Wide::Zero();
       open_share_[j] = 1;
       node_cone_[j] = -1;
       divergence_[j] = 0;
-      if (material_volume_[j] >= least_volume) {
+      if (material_volume_[j] >= least_volume)
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
-        node_cone_[j] = static_cast<int>(problem_.node.size());
-        problem_.node.push_back(node);
-      } else {
+      else
         inertial_number_[j] = 0;
-      }
-    }
-    assign_blocks(node_order_, problem_);
+    });
+    talus::collect_cones(
+        node_order_,
+        [&](int node) { return material_volume_[static_cast<std::size_t>(node)] >= least_volume; },
+        execution_, counts_, problem_);
 
     const std::size_t cones = problem_.node.size();
     problem_.coupling.resize(cones);
@@ -456,15 +473,12 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
-    parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
-                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                      for (std::ptrdiff_t i = begin; i < end; ++i)
-                        fill_cone(static_cast<std::size_t>(i), ratio);
-                    });
+    for_each_cone([&](std::size_t i) { fill_cone(i, ratio); });
   }
 
   void fill_cone(std::size_t i, double ratio) {
     const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+    node_cone_[j] = static_cast<int>(i);
     const Index<Dim> index = grid_.node_index(problem_.node[i]);
     Coupling<Dim>& g = problem_.coupling[i];
     g.setZero();
@@ -553,8 +567,7 @@ class Simulation {
   bool update_friction(StepReport& report) {
     move_apex(rheology_, problem_, time_step_, -1);
     friction_iteration_.next.resize(problem_.cones());
-    for (std::size_t i = 0; i < problem_.cones(); ++i)
-      friction_iteration_.next[i] = friction(i);
+    for_each_cone([&](std::size_t i) { friction_iteration_.next[i] = friction(i); });
     const double change = friction_iteration_.change(problem_);
     friction_iteration_.choose_share(report.friction_updates == 1, change, report.friction_change);
     report.friction_change = change;
@@ -575,7 +588,7 @@ class Simulation {
       return;
     }
     const SolveReport before = report.solve;
-    report.solve = solver_.solve(problem_, workspace_, params_.threads);
+    report.solve = solver_.solve(problem_, workspace_, execution_);
     report.solve.iterations += before.iterations;
     report.solve.seconds += before.seconds;
   }
@@ -583,14 +596,21 @@ class Simulation {
   void add_gravity() {
     Wide change = Wide::Zero();
     change.template head<Dim>() = time_step_ * params_.gravity;
-    double largest2 = 0;
-    for (const int node : node_order_.nodes()) {
-      const std::size_t j = static_cast<std::size_t>(node);
-      if (material_volume_[j] > 0) {
-        largest2 = std::max(largest2, problem_.velocity[j].squaredNorm());
-        problem_.velocity[j] += change;
-      }
-    }
+    double largest2 = execution_.reduce(
+        std::ssize(node_order_.nodes()), partials_, 0.0,
+        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          double largest = 0;
+          for (std::ptrdiff_t k = begin; k < end; ++k) {
+            const std::size_t j =
+                static_cast<std::size_t>(node_order_.nodes()[static_cast<std::size_t>(k)]);
+            if (material_volume_[j] > 0) {
+              largest = std::max(largest, problem_.velocity[j].squaredNorm());
+              problem_.velocity[j] += change;
+            }
+          }
+          return largest;
+        },
+        [](double a, double b) { return std::max(a, b); });
     for (std::size_t b = 0; b < bodies_.state.size(); ++b) {
       const RigidState<Dim>& body = bodies_.state[b];
       if (has_left(grid_, body.position, bodies_.reach[b]))
@@ -605,14 +625,15 @@ class Simulation {
 
   /// Keeps λ per node for the next step's warm start, and for output.
   void keep_stresses() {
-    for (const int node : node_order_.nodes())
-      if (node_cone_[static_cast<std::size_t>(node)] < 0)
-        node_stress_[static_cast<std::size_t>(node)].setZero();
-    for (std::size_t i = 0; i < problem_.cones(); ++i) {
+    for_each_node([&](std::size_t j) {
+      if (node_cone_[j] < 0)
+        node_stress_[j].setZero();
+    });
+    for_each_cone([&](std::size_t i) {
       Vec<cone_size>& stress = node_stress_[static_cast<std::size_t>(problem_.node[i])];
       stress = problem_.stress[i];
       stress[0] -= cone_apex(rheology_, problem_, time_step_, i);
-    }
+    });
   }
 
   /// The particles' velocity fields and places from the grid's new velocities.
@@ -622,23 +643,19 @@ class Simulation {
       transfer_.prepare(
           {time_step_, std::sqrt(norm<Dim>(params_.gravity) / grid_.spacing().minCoeff())});
     if constexpr (TransferT::field == ParticleField::multilinear)
-      parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(problem_.cones()), 32,
-                      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                        for (std::size_t i = static_cast<std::size_t>(begin);
-                             i < static_cast<std::size_t>(end); ++i) {
-                          const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
-                          // Tr D = d · mean of what normal_from_mean made the normal component
-                          divergence_[j] =
-                              Dim * mean_from_normal<Dim>(strain_rate(problem_, stencil_, i)[0]) /
-                              material_volume_[j];
-                        }
-                      });
+      for_each_cone([&](std::size_t i) {
+        const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+        // Tr D = d · mean of what normal_from_mean made the normal component
+        divergence_[j] = Dim * mean_from_normal<Dim>(strain_rate(problem_, stencil_, i)[0]) /
+                         material_volume_[j];
+      });
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
                              velocity_before_, divergence_, moments_, time_step_, lower, upper,
-                             params_.threads);
+                             execution_);
   }
 
   Params params_;
+  Execution execution_;
   Grid<Dim> grid_;
   RheologyT rheology_;
   TransferT transfer_;
@@ -663,6 +680,8 @@ class Simulation {
   std::vector<double> inertial_number_;       ///< #nodes
   std::vector<double> open_share_;            ///< of a node's volume, #nodes
   std::vector<double> divergence_;            ///< mean tr ∇u around a node, #nodes, 1/s
+  std::vector<std::size_t> counts_;           ///< of cones, by block
+  std::vector<double> partials_;              ///< of sums and maxima
   std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
   std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
   LastStep last_;

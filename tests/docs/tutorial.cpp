@@ -86,7 +86,7 @@ class PlainSweeps {
 
   template <int Dim>
   talus::SolveReport solve(talus::DualProblem<Dim>& problem, Workspace<Dim>& work,
-                           int threads) const {
+                           const talus::Execution& execution) const {
     constexpr int s = talus::symmetric_size<Dim>;
     const talus::Stencil<Dim> stencil(problem.grid);
     work.diagonal.resize(problem.cones());
@@ -113,7 +113,7 @@ class PlainSweeps {
       talus::update_body_contacts(problem);
       ++report.iterations;
 
-      report.residual = work.meter(problem, stencil, work.inverse_scale, threads);
+      report.residual = work.meter(problem, stencil, work.inverse_scale, execution);
       if (!report.residual.finite())
         report.status = talus::SolveStatus::not_finite;
       else if (report.residual.l2 <= params_.tolerance)

@@ -3,7 +3,7 @@
 // nothing for the thread sanitizer to find (preset tsan builds this program alone).
 
 #include "talus/boundary/gate.hpp"
-#include "talus/core/parallel.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
@@ -13,10 +13,18 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cstddef>
+#include <functional>
+#include <iterator>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
+
+#ifndef _OPENMP
+#error "tests of threads need OpenMP: without it they would test nothing"
+#endif
 
 using namespace talus;
 
@@ -77,30 +85,33 @@ TEST_CASE("the same bits with one and four threads, 3-D") {
 TEST_CASE("the exception of the lowest item arrives, with any number of threads") {
   for (const int threads : {1, 2, 4, 7})
     for (const std::ptrdiff_t lowest : {0, 3, 50, 98}) {
+      const Execution execution(threads);
       const auto throws_from = [&](std::ptrdiff_t i) {
         if (i >= lowest)
           throw i;
       };
       std::ptrdiff_t caught = -1;
       try {
-        parallel_for(threads, 99, throws_from);
+        execution.for_each(99, throws_from);
       } catch (std::ptrdiff_t i) {
         caught = i;
       }
       CHECK(caught == lowest);
       caught = -1;
       try {
-        parallel_chunks(threads, 99, 8, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-          for (std::ptrdiff_t i = begin; i < end; ++i)
-            throws_from(i);
-        });
+        execution.for_balanced(
+            99, [](std::ptrdiff_t i) { return i * i; },
+            [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+              for (std::ptrdiff_t i = begin; i < end; ++i)
+                throws_from(i);
+            });
       } catch (std::ptrdiff_t i) {
         caught = i;
       }
       CHECK(caught == lowest);
       std::vector<double> partials;
-      CHECK_THROWS_AS(parallel_reduce(
-                          threads, 999, partials, 0.0,
+      CHECK_THROWS_AS(execution.reduce(
+                          999, partials, 0.0,
                           [&](std::ptrdiff_t begin, std::ptrdiff_t) {
                             throws_from(begin);
                             return 1.0;
@@ -108,4 +119,59 @@ TEST_CASE("the exception of the lowest item arrives, with any number of threads"
                           [](double a, double b) { return a + b; }),
                       std::ptrdiff_t);
     }
+}
+
+TEST_CASE("ranges of equal weight cover each item once") {
+  // weights 0 to 9, then nothing for a while, then one item that weighs as much as all others
+  std::vector<std::ptrdiff_t> before{0};
+  for (std::ptrdiff_t i = 0; i < 10; ++i)
+    before.push_back(before.back() + i);
+  before.insert(before.end(), 5, before.back());
+  before.push_back(2 * before.back());
+  const std::ptrdiff_t count = std::ssize(before) - 1;
+  const auto weight = [&](std::ptrdiff_t i) { return before[static_cast<std::size_t>(i)]; };
+  for (const int threads : {1, 2, 3, 4, 8, 40}) {
+    CAPTURE(threads);
+    const Execution execution(threads);
+    std::vector<int> visits(static_cast<std::size_t>(count), 0);
+    execution.for_balanced(count, weight, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+      for (std::ptrdiff_t i = begin; i < end; ++i)
+        ++visits[static_cast<std::size_t>(i)];
+      // no more than its share and the item that crosses its end
+      CHECK(weight(end - 1) - weight(begin) <= weight(count) / threads + 1);
+    });
+    CHECK(std::ranges::count(visits, 1) == count);
+  }
+  int visits = 0;
+  Execution(4).for_ranges(0, [&](std::ptrdiff_t, std::ptrdiff_t) { ++visits; });
+  CHECK(visits == 0);
+}
+
+TEST_CASE("a team works through the same calls, and all get the same sum") {
+  for (const int threads : {1, 2, 5}) {
+    std::vector<double> partials, values(1000, 0), sums(static_cast<std::size_t>(threads), 0);
+    Execution(threads).team([&](const Team& team) {
+      for (int round = 0; round < 50; ++round)
+        team.for_ranges(1000, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          for (std::ptrdiff_t i = begin; i < end; ++i) // what another thread wrote last time
+            values[static_cast<std::size_t>(i)] += static_cast<double>((i + round) % 7);
+        });
+      sums[static_cast<std::size_t>(team.rank())] = team.reduce(
+          1000, partials, 0.0,
+          [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+            double sum = 0;
+            for (std::ptrdiff_t i = begin; i < end; ++i)
+              sum += values[static_cast<std::size_t>(i)];
+            return sum;
+          },
+          std::plus<>());
+    });
+    for (const double sum : sums)
+      CHECK(sum == sums[0]);
+    CHECK(sums[0] > 0);
+  }
+}
+
+TEST_CASE("a wrong number of threads is refused") {
+  CHECK_THROWS_WITH_AS(Execution(0), doctest::Contains("threads is 0"), std::invalid_argument);
 }

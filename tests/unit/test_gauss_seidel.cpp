@@ -121,7 +121,7 @@ TEST_CASE("Gauss-Seidel: a warm start at the solution needs no sweep") {
   S::Workspace<2> workspace;
   S::Params params;
   params.tolerance = 1e-7;
-  const SolveReport report = S(params).solve(problem, workspace, 1);
+  const SolveReport report = S(params).solve(problem, workspace, Execution());
   CHECK(report.iterations == 0);
   CHECK(report.status == SolveStatus::converged);
 }
@@ -158,7 +158,7 @@ TEST_CASE("Gauss-Seidel says when it stops early") {
   S::Params params;
   params.tolerance = 1e-12;
   params.max_sweeps = 3;
-  const SolveReport report = S(params).solve(problem, workspace, 1);
+  const SolveReport report = S(params).solve(problem, workspace, Execution());
   CHECK(report.status == SolveStatus::not_converged);
   CHECK(report.iterations == 3);
   CHECK(report.residual.l2 > 1e-12);

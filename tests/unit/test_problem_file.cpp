@@ -50,8 +50,8 @@ void round_trip() {
   // solved from the file as in the simulation, to the last bit
   DualProblem<Dim> one = written, two = read;
   typename GaussSeidel<>::Workspace<Dim> workspace;
-  const SolveReport first = GaussSeidel<>().solve(one, workspace, 1);
-  const SolveReport second = GaussSeidel<>().solve(two, workspace, 1);
+  const SolveReport first = GaussSeidel<>().solve(one, workspace, Execution());
+  const SolveReport second = GaussSeidel<>().solve(two, workspace, Execution());
   CHECK(first.iterations == second.iterations);
   CHECK(one.velocity == two.velocity);
 
@@ -60,7 +60,7 @@ void round_trip() {
   remove_impulses(cold, Stencil<Dim>(cold.grid));
   for (const auto& stress : cold.stress)
     CHECK(stress.isZero(0));
-  const SolveReport third = GaussSeidel<>().solve(cold, workspace, 1);
+  const SolveReport third = GaussSeidel<>().solve(cold, workspace, Execution());
   CHECK(third.status == SolveStatus::converged);
   double difference = 0, size = 0;
   for (std::size_t j = 0; j < cold.velocity.size(); ++j) {

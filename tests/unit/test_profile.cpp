@@ -164,9 +164,10 @@ class Counting {
   };
   explicit Counting(const Params& params) : inner_(params) {}
   template <int Dim>
-  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads) const {
+  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
+                    const Execution& execution) const {
     ++workspace.solves;
-    return inner_.solve(problem, workspace.inner, threads);
+    return inner_.solve(problem, workspace.inner, execution);
   }
 
  private:
@@ -194,8 +195,8 @@ TEST_CASE("the statistics of a user's solver are read back from its workspace") 
   CHECK(sim.rheology().friction(0) == 0.44);
 }
 
-TEST_CASE(
-    "particles on faces, edges and nodes count once, and one beyond by rounding is refused in words") {
+TEST_CASE("particles on faces, edges and nodes count once, and one beyond by rounding is refused "
+          "in words") {
   Sim<2>::Params params = box<2>();
   params.grid = {.origin = {0, 0}, .size = {0.3, 0.2}, .cells = {3, 2}};
   Particles<2> sand;

@@ -71,7 +71,7 @@ void holds(const std::string& what, const Scene<Dim>& scene, int steps = 20,
       const double trace = diagonal_block(problem, stencil, i).trace();
       inverse_scale.push_back(trace > 0 ? symmetric_size<Dim> / trace : 0);
     }
-    const Residual left = ResidualMeter<Dim>()(problem, stencil, inverse_scale, 1);
+    const Residual left = ResidualMeter<Dim>()(problem, stencil, inverse_scale, Execution());
     CHECK(report.solve.residual.l2 == doctest::Approx(left.l2));
     const bool good = left.l2 <= scene.params.solver.tolerance;
     CHECK((report.solve.status == SolveStatus::converged) == good);
@@ -184,7 +184,7 @@ TEST_CASE("a stress wrong by a fraction shows a residual of about that fraction"
     std::vector<double> inverse_scale;
     for (std::size_t i = 0; i < problem.cones(); ++i)
       inverse_scale.push_back(6 / diagonal_block(problem, stencil, i).trace());
-    const Residual residual = ResidualMeter<3>()(problem, stencil, inverse_scale, 1);
+    const Residual residual = ResidualMeter<3>()(problem, stencil, inverse_scale, Execution());
     CAPTURE(wrong);
     CHECK(residual.l2 > 0.3 * wrong);
     CHECK(residual.l2 < 3 * wrong);

@@ -578,8 +578,9 @@ struct MoodySolver {
   using Workspace = GaussSeidel<>::Workspace<Dim>;
   explicit MoodySolver(const Params& params) : solver(params) {}
   template <int Dim>
-  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads) const {
-    const SolveReport report = solver.solve(problem, workspace, threads);
+  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
+                    const Execution& execution) const {
+    const SolveReport report = solver.solve(problem, workspace, execution);
     problem.velocity[static_cast<std::size_t>(problem.node.back())][0] *= moody(1);
     return report;
   }

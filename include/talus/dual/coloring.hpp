@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 
 #include <cstddef>
+#include <numeric>
 #include <vector>
 
 namespace talus {
@@ -80,28 +82,70 @@ class BlockOrder {
   std::vector<std::size_t> begin_, colour_begin_;
 };
 
-/// Sets the problem's blocks and colours. Its cones must stand in the order of `order`, which may
-/// have more nodes; its contacts are left for the caller to assign.
-template <int Dim>
-void assign_blocks(const BlockOrder<Dim>& order, DualProblem<Dim>& problem) {
+/// Gives the problem a cone for each node that carries one, in the order of the blocks, and sets
+/// its blocks and colours; its contacts are left for the caller to assign. carries(node): does the
+/// node carry a cone? Called once or twice a node. counts: workspace.
+template <int Dim, class Carries>
+void collect_cones(const BlockOrder<Dim>& order, const Carries& carries, const Execution& execution,
+                   std::vector<std::size_t>& counts, DualProblem<Dim>& problem) {
+  const auto for_each_node = [&](std::ptrdiff_t block, const auto& visit) {
+    const std::size_t b = static_cast<std::size_t>(block);
+    for (std::size_t k = order.begin(b); k < order.begin(b + 1); ++k)
+      if (carries(order.nodes()[k]))
+        visit(order.nodes()[k]);
+  };
+  const std::ptrdiff_t blocks = static_cast<std::ptrdiff_t>(order.blocks());
+  counts.assign(order.blocks() + 1, 0);
+  execution.for_each(blocks, [&](std::ptrdiff_t b) {
+    for_each_node(b, [&](int) { ++counts[static_cast<std::size_t>(b) + 1]; });
+  });
+  std::partial_sum(counts.begin(), counts.end(), counts.begin());
+  problem.node.resize(counts.back());
+  execution.for_each(blocks, [&](std::ptrdiff_t b) {
+    std::size_t cone = counts[static_cast<std::size_t>(b)];
+    for_each_node(b, [&](int node) { problem.node[cone++] = node; });
+  });
   problem.blocks.clear();
   problem.colour_begin.clear();
   const std::vector<std::size_t>& colours = order.colour_begin();
-  std::size_t cone = 0;
   for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
     problem.colour_begin.push_back(problem.blocks.size());
-    for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b) {
-      Block block;
-      block.cone_begin = cone;
-      for (std::size_t k = order.begin(b); k < order.begin(b + 1); ++k)
-        if (cone < problem.cones() && problem.node[cone] == order.nodes()[k])
-          ++cone;
-      block.cone_end = cone;
-      if (block.cone_end > block.cone_begin)
-        problem.blocks.push_back(block);
-    }
+    for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b)
+      if (counts[b + 1] > counts[b])
+        problem.blocks.push_back({.cone_begin = counts[b], .cone_end = counts[b + 1]});
   }
   problem.colour_begin.push_back(problem.blocks.size());
+}
+
+/// Calls visit(block) for all blocks, one colour after the other; those of one colour at once, on
+/// threads that have about as many cones each. execution: an Execution or a Team.
+template <int Dim, class AnyExecution, class Visit>
+void for_each_block(const DualProblem<Dim>& problem, const AnyExecution& execution,
+                    const Visit& visit) {
+  for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
+    const std::size_t first = problem.colour_begin[colour];
+    const std::size_t count = problem.colour_begin[colour + 1] - first;
+    const auto cones_before = [&](std::ptrdiff_t b) {
+      return b == 0 ? problem.blocks[first].cone_begin
+                    : problem.blocks[first + static_cast<std::size_t>(b) - 1].cone_end;
+    };
+    if (count > 0)
+      execution.for_balanced(static_cast<std::ptrdiff_t>(count), cones_before,
+                             [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                               for (std::ptrdiff_t b = begin; b < end; ++b)
+                                 visit(first + static_cast<std::size_t>(b));
+                             });
+  }
+}
+
+/// Calls visit(cone) for all cones; those that share a neighbour never at once.
+template <int Dim, class AnyExecution, class Visit>
+void for_each_cone(const DualProblem<Dim>& problem, const AnyExecution& execution,
+                   const Visit& visit) {
+  for_each_block(problem, execution, [&](std::size_t b) {
+    for (std::size_t i = problem.blocks[b].cone_begin; i < problem.blocks[b].cone_end; ++i)
+      visit(i);
+  });
 }
 
 } // namespace talus

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
+#include "talus/dual/coloring.hpp"
 #include "talus/dual/problem.hpp"
 
 #include <array>
@@ -135,10 +137,12 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
 
 /// Adds the impulses of all stresses and contacts to the velocities: from u_free to u.
 template <int Dim>
-void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
-  for (std::size_t i = 0; i < problem.cones(); ++i)
+void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
+                    const Execution& execution) {
+  for_each_cone(problem, execution, [&](std::size_t i) {
     if (!problem.stress[i].isZero(0))
       apply_stress(problem, stencil, i, problem.stress[i]);
+  });
   for (const Contact<Dim>& contact : problem.contacts) {
     const std::size_t j = static_cast<std::size_t>(contact.node);
     for (int a = 0; a < Dim; ++a)

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "talus/cone/law.hpp"
-#include "talus/core/parallel.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/dual/body_contact.hpp"
 #include "talus/dual/contact_law.hpp"
@@ -36,12 +36,14 @@ template <int Dim>
 class ResidualMeter {
  public:
   /// inverse_scales: 1/w_i, #cones, kg/m^(2d-2).
+  /// execution: an Execution, or the Team that all of its threads call this with.
+  template <class AnyExecution>
   Residual operator()(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                      const std::vector<double>& inverse_scales, int threads) {
+                      const std::vector<double>& inverse_scales, const AnyExecution& execution) {
     constexpr int n = symmetric_size<Dim>;
     const double speed2 = problem.velocity_scale * problem.velocity_scale;
-    Sums sums = parallel_reduce(
-        threads, static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
+    Sums sums = execution.reduce(
+        static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
           Sums partial;
           for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);

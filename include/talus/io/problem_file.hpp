@@ -197,8 +197,15 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     if (!(problem.friction[i] >= 0 && problem.volume[i] > 0))
       in.fail("cone " + std::to_string(i) + " has a negative friction or volume");
   }
-  assign_blocks(BlockOrder<Dim>(grid), problem);
-  if (problem.blocks.empty() ? cones > 0 : problem.blocks.back().cone_end != cones)
+  const std::vector<int> as_read = problem.node;
+  std::vector<bool> carries(static_cast<std::size_t>(grid.node_count()));
+  for (const int node : as_read)
+    carries[static_cast<std::size_t>(node)] = true;
+  std::vector<std::size_t> counts;
+  collect_cones(
+      BlockOrder<Dim>(grid), [&](int node) { return carries[static_cast<std::size_t>(node)]; },
+      Execution(), counts, problem);
+  if (problem.node != as_read)
     in.fail("its cones are not in the order of the blocks");
   std::size_t taken = 0;
   Contact<Dim> contact;

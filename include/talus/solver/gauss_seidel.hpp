@@ -5,8 +5,9 @@
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/projection_step.hpp"
 #include "talus/core/error.hpp"
-#include "talus/core/parallel.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/dual/body_contact.hpp"
+#include "talus/dual/coloring.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -59,6 +60,7 @@ class GaussSeidel {
     std::vector<double> inverse_scale;              ///< 1/w_i, w_i = tr W_ii/s, #cones
     std::vector<std::size_t> misses;                ///< local solves that failed, #blocks
     std::vector<double> change2; ///< Σ w_i |Δλ_i|² of the last sweep, #blocks
+    double body_change2 = 0;     ///< the same of the contacts of free bodies
     // x_{k−1}
     std::vector<Vec<symmetric_size<Dim>>> last_stress; ///< #cones
     std::vector<Vec<Dim>> last_impulse;                ///< #contacts, then #body_contacts
@@ -83,45 +85,17 @@ class GaussSeidel {
   const Params& params() const { return params_; }
 
   template <int Dim>
-  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads) const {
+  SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
+                    const Execution& execution) const {
     const auto start = std::chrono::steady_clock::now();
     const Stencil<Dim> stencil(problem.grid);
-    prepare(problem, stencil, workspace, threads);
-
+    prepare(problem, stencil, workspace, execution);
     SolveReport report;
-    const auto measure = [&] {
-      report.residual = workspace.meter(problem, stencil, workspace.inverse_scale, threads);
-      if (!report.residual.finite())
-        report.status = SolveStatus::not_finite;
-      else if (report.residual.l2 <= params_.tolerance)
-        report.status = SolveStatus::converged;
-      else
-        report.status = SolveStatus::not_converged;
-      return report.status == SolveStatus::not_converged;
-    };
-    // The residual goes roughly with the change of a sweep, so it is measured when that promises
-    // convergence, and every so often to be sure.
-    Momentum momentum(params_.momentum);
-    double enough = 0;
-    bool unsolved = measure();
-    for (int since = 1; unsolved; ++since) {
-      sweep(problem, stencil, workspace, threads);
-      ++report.iterations;
-      double change2 = update_body_contacts(problem);
-      for (const double of_block : workspace.change2)
-        change2 += of_block;
-      const double change = std::sqrt(change2);
-      const bool last = report.iterations == params_.max_sweeps;
-      if (since >= params_.check_every || !(change > enough) || last) {
-        since = 0;
-        unsolved = measure();
-        enough = 0.9 * change * params_.tolerance / report.residual.l2;
-      }
-      if (last)
-        break;
-      if (unsolved && params_.momentum > 0)
-        extrapolate(problem, workspace, threads, momentum.next(change));
-    }
+    execution.team([&](const Team& team) {
+      const SolveReport of_all = iterate(problem, stencil, workspace, team);
+      if (team.rank() == 0)
+        report = of_all;
+    });
     if (report.iterations > 0)
       for (const std::size_t misses : workspace.misses)
         report.local_misses += misses;
@@ -160,40 +134,86 @@ class GaussSeidel {
 
   template <int Dim>
   void prepare(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-               Workspace<Dim>& workspace, int threads) const {
+               Workspace<Dim>& workspace, const Execution& execution) const {
     constexpr int n = symmetric_size<Dim>;
     const std::size_t cones = problem.cones();
     workspace.prepared.resize(cones);
     if constexpr (LocalSolver<Local, Law, n>)
       workspace.diagonal.resize(cones);
     workspace.inverse_scale.resize(cones);
+    workspace.last_stress.resize(cones);
+    workspace.last_velocity.resize(cones);
+    workspace.last_impulse.resize(problem.contacts.size() + problem.body_contacts.size());
+    workspace.last_body.resize(problem.bodies.size());
     workspace.misses.assign(problem.blocks.size(), 0);
     workspace.change2.assign(problem.blocks.size(), 0);
-    parallel_chunks(threads, static_cast<std::ptrdiff_t>(cones), 32,
-                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                      for (std::size_t i = static_cast<std::size_t>(begin);
-                           i < static_cast<std::size_t>(end); ++i) {
-                        const Mat<n> w = diagonal_block(problem, stencil, i);
-                        const double trace = w.trace();
-                        workspace.inverse_scale[i] = trace > 0 ? n / trace : 0;
-                        workspace.prepared[i] = local_.prepare(Law{}, w, problem.friction[i]);
-                        if constexpr (LocalSolver<Local, Law, n>)
-                          workspace.diagonal[i] = w;
-                      }
-                    });
+    execution.for_ranges(static_cast<std::ptrdiff_t>(cones),
+                         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                           for (std::size_t i = static_cast<std::size_t>(begin);
+                                i < static_cast<std::size_t>(end); ++i) {
+                             const Mat<n> w = diagonal_block(problem, stencil, i);
+                             const double trace = w.trace();
+                             workspace.inverse_scale[i] = trace > 0 ? n / trace : 0;
+                             workspace.prepared[i] = local_.prepare(Law{}, w, problem.friction[i]);
+                             if constexpr (LocalSolver<Local, Law, n>)
+                               workspace.diagonal[i] = w;
+                           }
+                         });
   }
 
-  /// One pass over all cones and contacts but those of free bodies.
+  /// The iterations. All threads of the team go through them, and take the same decisions.
+  template <int Dim>
+  SolveReport iterate(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
+                      Workspace<Dim>& workspace, const Team& team) const {
+    SolveReport report;
+    const auto measure = [&] {
+      report.residual = workspace.meter(problem, stencil, workspace.inverse_scale, team);
+      team.wait(); // before anything moves that others still read
+      if (!report.residual.finite())
+        report.status = SolveStatus::not_finite;
+      else if (report.residual.l2 <= params_.tolerance)
+        report.status = SolveStatus::converged;
+      else
+        report.status = SolveStatus::not_converged;
+      return report.status == SolveStatus::not_converged;
+    };
+    // The residual goes roughly with the change of a sweep, so it is measured when that promises
+    // convergence, and every so often to be sure.
+    Momentum momentum(params_.momentum);
+    double enough = 0;
+    bool unsolved = measure();
+    for (int since = 1; unsolved; ++since) {
+      sweep(problem, stencil, workspace, team);
+      ++report.iterations;
+      double change2 = workspace.body_change2;
+      for (const double of_block : workspace.change2)
+        change2 += of_block;
+      const double change = std::sqrt(change2);
+      const bool last = report.iterations == params_.max_sweeps;
+      if (since >= params_.check_every || !(change > enough) || last) {
+        since = 0;
+        unsolved = measure();
+        enough = 0.9 * change * params_.tolerance / report.residual.l2;
+      }
+      if (last)
+        break;
+      if (unsolved && params_.momentum > 0)
+        extrapolate(problem, workspace, team, momentum.next(change));
+      else
+        team.wait(); // the next sweep writes what has just been summed
+    }
+    return report;
+  }
+
+  /// One pass over all cones and contacts.
   template <int Dim>
   void sweep(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, Workspace<Dim>& workspace,
-             int threads) const {
-    for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
-      const std::size_t first = problem.colour_begin[colour];
-      const std::size_t count = problem.colour_begin[colour + 1] - first;
-      parallel_for(threads, static_cast<std::ptrdiff_t>(count), [&](std::ptrdiff_t b) {
-        visit_block(problem, stencil, workspace, first + static_cast<std::size_t>(b));
-      });
-    }
+             const Team& team) const {
+    for_each_block(problem, team,
+                   [&](std::size_t b) { visit_block(problem, stencil, workspace, b); });
+    if (team.rank() == 0)
+      workspace.body_change2 = update_body_contacts(problem);
+    team.wait();
   }
 
   template <int Dim>
@@ -253,7 +273,7 @@ class GaussSeidel {
 
   /// From x_k to y_k; keeps x_k.
   template <int Dim>
-  static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace, int threads,
+  static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace, const Team& team,
                           double beta) {
     const auto move = [&](auto& value, auto& last) {
       for (Eigen::Index k = 0; k < value.size(); ++k) {
@@ -263,36 +283,28 @@ class GaussSeidel {
         last[k] = now;
       }
     };
-    const auto move_all = [&](auto& values, auto& last) {
-      if (last.size() != values.size())
-        last = values; // the first time, when β = 0
-      parallel_chunks(threads, static_cast<std::ptrdiff_t>(values.size()), 512,
-                      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                        for (std::size_t i = static_cast<std::size_t>(begin);
-                             i < static_cast<std::size_t>(end); ++i)
-                          move(values[i], last[i]);
-                      });
+    const auto move_contacts = [&](auto& contacts, std::size_t first) {
+      for (std::size_t c = 0; c < contacts.size(); ++c)
+        move(contacts[c].impulse, workspace.last_impulse[first + c]);
     };
-    move_all(problem.stress, workspace.last_stress);
-    workspace.last_velocity.resize(problem.cones()); // nothing else moves
-    parallel_chunks(threads, static_cast<std::ptrdiff_t>(problem.cones()), 512,
+    if (team.rank() == 0) {
+      move_contacts(problem.contacts, 0);
+      move_contacts(problem.body_contacts, problem.contacts.size());
+      for (std::size_t b = 0; b < problem.bodies.size(); ++b) {
+        move(problem.bodies[b].velocity, workspace.last_body[b].velocity);
+        move(problem.bodies[b].angular_velocity, workspace.last_body[b].angular_velocity);
+      }
+    }
+    team.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()),
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::size_t i = static_cast<std::size_t>(begin);
-                           i < static_cast<std::size_t>(end); ++i)
+                           i < static_cast<std::size_t>(end); ++i) {
+                        move(problem.stress[i], workspace.last_stress[i]);
+                        // nothing else moves
                         move(problem.velocity[static_cast<std::size_t>(problem.node[i])],
                              workspace.last_velocity[i]);
+                      }
                     });
-    const std::size_t contacts = problem.contacts.size();
-    workspace.last_impulse.resize(contacts + problem.body_contacts.size());
-    for (std::size_t c = 0; c < contacts; ++c)
-      move(problem.contacts[c].impulse, workspace.last_impulse[c]);
-    for (std::size_t c = 0; c < problem.body_contacts.size(); ++c)
-      move(problem.body_contacts[c].impulse, workspace.last_impulse[contacts + c]);
-    workspace.last_body.resize(problem.bodies.size());
-    for (std::size_t b = 0; b < problem.bodies.size(); ++b) {
-      move(problem.bodies[b].velocity, workspace.last_body[b].velocity);
-      move(problem.bodies[b].angular_velocity, workspace.last_body[b].angular_velocity);
-    }
   }
 
   Params params_{};

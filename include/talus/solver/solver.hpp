@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"
 
@@ -41,16 +42,16 @@ struct [[nodiscard]] SolveReport {
 ///   - `S::Workspace<Dim>`, default constructible, kept between steps so that a warm solve
 ///   allocates
 ///     nothing;
-///   - `s.solve(problem, workspace, threads)` → SolveReport: improves `problem.stress` and the
+///   - `s.solve(problem, workspace, execution)` → SolveReport: improves `problem.stress` and the
 ///     contacts' impulses from the values they have, keeping `problem.velocity` consistent, until
 ///     the residual of dual/residual.hpp meets the solver's tolerance. The result does not depend
-///     on `threads`.
+///     on the number of threads.
 /// Model: GaussSeidel.
 template <class S, int Dim>
 concept Solver = std::constructible_from<S, const typename S::Params&> &&
     std::default_initializable<typename S::template Workspace<Dim>> &&
     requires(const S s, DualProblem<Dim>& problem, typename S::template Workspace<Dim>& workspace) {
-  { s.solve(problem, workspace, 1) } -> std::same_as<SolveReport>;
+  { s.solve(problem, workspace, Execution()) } -> std::same_as<SolveReport>;
 };
 
 } // namespace talus

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/core/parallel.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -40,17 +40,17 @@ class ViscousSolver {
  public:
   /// material_volume: V_i, #nodes, m^d; time_step: δt, s.
   ViscousReport solve(DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-                      const Viscosity& viscosity, double time_step, int threads) {
+                      const Viscosity& viscosity, double time_step, const Execution& execution) {
     ViscousReport report;
     if (viscosity.eta == 0)
       return report;
     const double factor = 2 * viscosity.eta * time_step;
-    start(problem, material_volume, factor, threads);
+    start(problem, material_volume, factor, execution);
     std::vector<Wide>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
-    multiply(problem, material_volume, factor, u, threads);
-    Sums sums = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+    multiply(problem, material_volume, factor, u, execution);
+    Sums sums = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
       residual_[j] = -free(product_[j], inverse_mass);
       direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
       return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
@@ -69,26 +69,26 @@ class ViscousSolver {
       if (report.status != SolveStatus::not_converged ||
           report.iterations == viscosity.max_iterations)
         break;
-      multiply(problem, material_volume, factor, direction_, threads);
-      const double energy = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+      multiply(problem, material_volume, factor, direction_, execution);
+      const double energy = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
                               product_[j] = free(product_[j], inverse_mass) +
                                             direction_[j].cwiseProduct(mass(inverse_mass));
                               return Sums{direction_[j].dot(product_[j]), 0, 0};
                             }).product;
       const double step = sums.product / energy, last = sums.product;
-      sums = sum(problem, threads, [&](std::size_t j, const Wide& inverse_mass) {
+      sums = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
         u[j] += step * direction_[j];
         residual_[j] -= step * product_[j];
         const Wide z = residual_[j].cwiseProduct(inverse_diagonal_[j]);
         return Sums{residual_[j].dot(z), squared_velocity(residual_[j], inverse_mass), 0};
       });
       const double keep = sums.product / last;
-      for_each(problem, threads, [&](std::size_t j) {
+      for_each(problem, execution, [&](std::size_t j) {
         direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
       });
     }
-    multiply(problem, material_volume, factor, u, threads);
-    for_each(problem, threads,
+    multiply(problem, material_volume, factor, u, execution);
+    for_each(problem, execution,
              [&](std::size_t j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     return report;
   }
@@ -122,19 +122,20 @@ class ViscousSolver {
   }
 
   template <class Body>
-  static void for_each(const DualProblem<Dim>& problem, int threads, const Body& body) {
-    parallel_chunks(threads, static_cast<std::ptrdiff_t>(problem.cones()), 256,
-                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                      for (std::ptrdiff_t i = begin; i < end; ++i)
-                        body(static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]));
-                    });
+  static void for_each(const DualProblem<Dim>& problem, const Execution& execution,
+                       const Body& body) {
+    execution.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()), [&](std::ptrdiff_t begin,
+                                                                           std::ptrdiff_t end) {
+      for (std::ptrdiff_t i = begin; i < end; ++i)
+        body(static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]));
+    });
   }
 
   /// Σ of term(node, inverse mass) over the nodes that carry a cone.
   template <class Term>
-  Sums sum(const DualProblem<Dim>& problem, int threads, const Term& term) {
-    return parallel_reduce(
-        threads, static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
+  Sums sum(const DualProblem<Dim>& problem, const Execution& execution, const Term& term) {
+    return execution.reduce(
+        static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
           Sums total;
           for (std::ptrdiff_t i = begin; i < end; ++i) {
@@ -150,30 +151,16 @@ class ViscousSolver {
     return {a.product + b.product, a.left_out + b.left_out, a.mass + b.mass};
   }
 
-  /// Calls visit(cone) for all cones; those that share a neighbour never at once.
-  template <class Visit>
-  static void for_each_cone(const DualProblem<Dim>& problem, int threads, const Visit& visit) {
-    for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
-      const std::size_t first = problem.colour_begin[colour];
-      const std::size_t count = problem.colour_begin[colour + 1] - first;
-      parallel_for(threads, static_cast<std::ptrdiff_t>(count), [&](std::ptrdiff_t b) {
-        const Block& block = problem.blocks[first + static_cast<std::size_t>(b)];
-        for (std::size_t i = block.cone_begin; i < block.cone_end; ++i)
-          visit(i);
-      });
-    }
-  }
-
   /// The inverse of the diagonal of M + δt K; sizes the workspace.
   void start(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-             double factor, int threads) {
+             double factor, const Execution& execution) {
     const std::size_t nodes = problem.velocity.size();
     stencil_ = Stencil<Dim>(problem.grid);
     product_.resize(nodes);
     residual_.resize(nodes);
     direction_.assign(nodes, Wide::Zero());
     inverse_diagonal_.assign(nodes, Wide::Zero());
-    for_each_cone(problem, threads, [&](std::size_t i) {
+    for_each_cone(problem, execution, [&](std::size_t i) {
       const int node = problem.node[i];
       const double weight = factor / material_volume[static_cast<std::size_t>(node)];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
@@ -185,7 +172,7 @@ class ViscousSolver {
               .array() += weight / 2 * (g.squaredNorm() + g.array().square());
         }
     });
-    for_each(problem, threads, [&](std::size_t j) {
+    for_each(problem, execution, [&](std::size_t j) {
       const Wide& inverse_mass = problem.inverse_mass[j];
       inverse_diagonal_[j] =
           free((inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse(), inverse_mass);
@@ -194,9 +181,11 @@ class ViscousSolver {
 
   /// product_ = δt K v.
   void multiply(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-                double factor, const std::vector<Wide>& v, int threads) {
-    std::fill(product_.begin(), product_.end(), Wide::Zero());
-    for_each_cone(problem, threads, [&](std::size_t i) {
+                double factor, const std::vector<Wide>& v, const Execution& execution) {
+    execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+      std::fill(product_.begin() + begin, product_.begin() + end, Wide::Zero());
+    });
+    for_each_cone(problem, execution, [&](std::size_t i) {
       const std::size_t node = static_cast<std::size_t>(problem.node[i]);
       const Coupling<Dim>& g = problem.coupling[i];
       const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);

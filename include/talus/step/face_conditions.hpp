@@ -2,12 +2,14 @@
 #pragma once
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/particles.hpp"
 
 #include <cstddef>
+#include <iterator>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -20,8 +22,9 @@ namespace talus {
 /// u = 0 at nodes on sticking faces, u·n = 0 on slipping ones; there the inverse mass is 0 as well.
 template <int Dim>
 void hold_at_faces(const Faces<Dim>& faces, const std::vector<int>& nodes,
-                   DualProblem<Dim>& problem) {
-  for (const int node : nodes) {
+                   const Execution& execution, DualProblem<Dim>& problem) {
+  execution.for_each(std::ssize(nodes), [&](std::ptrdiff_t k) {
+    const int node = nodes[static_cast<std::size_t>(k)];
     const std::size_t j = static_cast<std::size_t>(node);
     for_each_face(problem.grid, faces, problem.grid.node_index(node),
                   [&](int axis, bool, const Face& face) {
@@ -33,7 +36,7 @@ void hold_at_faces(const Faces<Dim>& faces, const std::vector<int>& nodes,
                       problem.inverse_mass[j][axis] = 0;
                     }
                   });
-  }
+  });
 }
 
 /// Between which positions (m) particles may be: a wall lets nothing through, not even what a

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/solver/solver.hpp"
 #include "talus/solver/viscous_solver.hpp"
@@ -58,33 +59,52 @@ struct [[nodiscard]] StepReport {
   }
 };
 
+/// The larger of two numbers; a NaN is kept, not lost.
+inline double larger_or_nan(double a, double b) {
+  return b <= a || std::isnan(a) ? a : b;
+}
+
+/// The largest of value(cone), at least 0, or NaN if there is one.
+template <int Dim, class ValueOf>
+double largest_of_cones(const DualProblem<Dim>& problem, const Execution& execution,
+                        std::vector<double>& partials, const ValueOf& value) {
+  return execution.reduce(
+      static_cast<std::ptrdiff_t>(problem.cones()), partials, 0.0,
+      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        double largest = 0;
+        for (std::ptrdiff_t i = begin; i < end; ++i)
+          largest = larger_or_nan(largest, value(static_cast<std::size_t>(i)));
+        return largest;
+      },
+      larger_or_nan);
+}
+
 /// Largest φ_i of the nodes that carry cones and that no solid takes a part of. open_share,
-/// material_volume (m^d): #nodes.
+/// material_volume (m^d): #nodes; partials: workspace.
 template <int Dim>
 double largest_fraction(const DualProblem<Dim>& problem, const std::vector<double>& open_share,
-                        const std::vector<double>& material_volume) {
-  double largest = 0;
-  for (std::size_t i = 0; i < problem.cones(); ++i) {
+                        const std::vector<double>& material_volume, const Execution& execution,
+                        std::vector<double>& partials) {
+  return largest_of_cones(problem, execution, partials, [&](std::size_t i) {
     const std::size_t j = static_cast<std::size_t>(problem.node[i]);
-    if (open_share[j] == 1)
-      largest = std::max(largest, material_volume[j] / problem.volume[i]);
-  }
-  return largest;
+    return open_share[j] == 1 ? material_volume[j] / problem.volume[i] : 0;
+  });
 }
 
 /// max |u_a| δt/h_a over the nodes that carry cones; not finite if one of their velocities or one
-/// of a body is not. time_step: δt, s.
+/// of a body is not. time_step: δt, s; partials: workspace.
 template <int Dim>
-double courant_number(const DualProblem<Dim>& problem, double time_step) {
-  double largest = 0;
-  for (const int node : problem.node)
+double courant_number(const DualProblem<Dim>& problem, double time_step, const Execution& execution,
+                      std::vector<double>& partials) {
+  const double largest = largest_of_cones(problem, execution, partials, [&](std::size_t i) {
+    double largest_rate = 0;
     for (int a = 0; a < Dim; ++a) {
-      const double rate = std::abs(problem.velocity[static_cast<std::size_t>(node)][a]) *
+      const double rate = std::abs(problem.velocity[static_cast<std::size_t>(problem.node[i])][a]) *
                           problem.grid.inverse_spacing()[a];
-      if (!std::isfinite(rate))
-        return rate;
-      largest = std::max(largest, rate);
+      largest_rate = larger_or_nan(largest_rate, rate);
     }
+    return largest_rate;
+  });
   for (const FreeBody<Dim>& body : problem.bodies)
     if (const double sum = body.velocity.sum() + body.angular_velocity.sum(); !std::isfinite(sum))
       return sum;

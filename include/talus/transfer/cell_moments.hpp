@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/parallel.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_order.hpp"
@@ -209,12 +209,11 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller.
 template <ParticleField Field, int Dim, class Real>
 void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                      const Grid<Dim>& grid, int threads, std::vector<CellMoments<Dim>>& moments) {
+                      const Grid<Dim>& grid, const Execution& execution,
+                      std::vector<CellMoments<Dim>>& moments) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));
-  parallel_chunks(threads, grid.cell_count(), 16, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-    for (int c = static_cast<int>(begin); c < end; ++c)
-      if (!order.empty(c))
-        moments[static_cast<std::size_t>(c)] = cell_moments<Field>(particles, order, grid, c);
+  for_each_filled_cell(execution, order, grid, [&](int c) {
+    moments[static_cast<std::size_t>(c)] = cell_moments<Field>(particles, order, grid, c);
   });
 }
 

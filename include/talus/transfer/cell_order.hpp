@@ -2,14 +2,18 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/parallel.hpp"
 #include "talus/particles.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
+#include <iterator>
 #include <limits>
+#include <numeric>
+#include <utility>
 #include <vector>
 
 namespace talus {
@@ -24,17 +28,25 @@ class CellOrder {
   /// Lists `particles`, which must be in the box; may change their order.
   /// Throws std::invalid_argument if there are 2^32 particles or more.
   template <class Real>
-  void update(Particles<Dim, Real>& particles, const Grid<Dim>& grid, int threads) {
+  void update(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const Execution& execution) {
     if (particles.size() > std::numeric_limits<std::uint32_t>::max())
       throw_invalid("the number of particles", particles.size(), "below 2^32");
-    list(particles, grid, threads);
-    std::size_t misplaced = 0;
-    for (std::size_t p = 1; p < cell_.size(); ++p)
-      misplaced += cell_[p] < cell_[p - 1] ? 1U : 0U;
+    list(particles, grid, execution);
+    const std::size_t misplaced = execution.reduce(
+        std::ssize(cell_), partials_, std::size_t{0},
+        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          std::size_t count = 0;
+          for (auto p = static_cast<std::size_t>(std::max<std::ptrdiff_t>(1, begin));
+               p < static_cast<std::size_t>(end); ++p)
+            count += cell_[p] < cell_[p - 1] ? 1U : 0U;
+          return count;
+        },
+        std::plus<>());
     if (16 * misplaced > particles.size()) {
-      reorder(particles, threads);
-      for (std::size_t k = 0; k < order_.size(); ++k)
-        order_[k] = static_cast<std::uint32_t>(k);
+      reorder(particles, execution);
+      execution.for_ranges(std::ssize(order_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        std::iota(order_.begin() + begin, order_.begin() + end, static_cast<std::uint32_t>(begin));
+      });
     }
   }
 
@@ -44,52 +56,110 @@ class CellOrder {
   bool empty(int cell) const { return begin(cell) == begin(cell + 1); }
 
  private:
-  /// Each thread counts and then lists one part of the particles. The list is the same for any
-  /// number of parts: by cell, and in a cell by index.
+  /// A range of the particles that one thread counts and lists, and the cells that they are in.
+  struct Part {
+    std::size_t begin = 0, end = 0;    ///< particles
+    int first_cell = 0, last_cell = 0; ///< last: past the end
+    std::size_t counts = 0;            ///< where its counts begin, one a cell of its range
+  };
+
+  /// The list is the same for any number of parts: by cell, and in a cell by index. Particles are
+  /// nearly in order, so that the parts' cells hardly overlap, and counts are about #cells.
   template <class Real>
-  void list(const Particles<Dim, Real>& particles, const Grid<Dim>& grid, int threads) {
+  void list(const Particles<Dim, Real>& particles, const Grid<Dim>& grid,
+            const Execution& execution) {
     const std::size_t count = particles.size();
-    const std::size_t cells = static_cast<std::size_t>(grid.cell_count());
-    const std::size_t parts = static_cast<std::size_t>(threads);
+    const int cells = grid.cell_count();
     cell_.resize(count);
     order_.resize(count);
-    begin_.resize(cells + 1);
-    next_.assign(parts * cells, 0);
-    const auto for_each_part = [&](const auto& body) {
-      parallel_for(threads, threads, [&](std::ptrdiff_t part) {
-        const std::size_t t = static_cast<std::size_t>(part);
-        body(next_.data() + t * cells, count * t / parts, count * (t + 1) / parts);
-      });
-    };
-    for_each_part([&](std::uint32_t* counts, std::size_t first, std::size_t last) {
-      for (std::size_t p = first; p < last; ++p) {
+    begin_.resize(static_cast<std::size_t>(cells) + 1);
+    divide(count, static_cast<std::size_t>(execution.threads()));
+    for_each_part(execution, [&](Part& part) {
+      part.first_cell = cells;
+      part.last_cell = 0;
+      for (std::size_t p = part.begin; p < part.end; ++p) {
         const int cell = grid.cell(grid.cell_at(particles.position[p]));
         cell_[p] = cell;
-        ++counts[cell];
+        part.first_cell = std::min(part.first_cell, cell);
+        part.last_cell = std::max(part.last_cell, cell + 1);
       }
     });
-    std::uint32_t sum = 0;
-    for (std::size_t c = 0; c < cells; ++c) {
-      begin_[c] = sum;
-      for (std::size_t t = 0; t < parts; ++t) {
-        const std::uint32_t here = next_[t * cells + c];
-        next_[t * cells + c] = sum;
-        sum += here;
-      }
+    std::size_t counts = 0;
+    for (Part& part : parts_) {
+      part.counts = counts;
+      counts += static_cast<std::size_t>(std::max(0, part.last_cell - part.first_cell));
     }
-    begin_[cells] = sum;
-    for_each_part([&](std::uint32_t* next, std::size_t first, std::size_t last) {
-      for (std::size_t p = first; p < last; ++p)
-        order_[next[cell_[p]]++] = static_cast<std::uint32_t>(p);
+    if (counts > 2 * static_cast<std::size_t>(cells)) { // far from in order: one part for all
+      divide(count, 1);
+      parts_[0].last_cell = cells;
+      counts = static_cast<std::size_t>(cells);
+    }
+    next_.assign(counts, 0);
+    for_each_part(execution, [&](const Part& part) {
+      for (std::size_t p = part.begin; p < part.end; ++p)
+        ++next(part, cell_[p]);
     });
+    sum_counts(cells, execution);
+    for_each_part(execution, [&](const Part& part) {
+      for (std::size_t p = part.begin; p < part.end; ++p)
+        order_[next(part, cell_[p])++] = static_cast<std::uint32_t>(p);
+    });
+  }
+
+  void divide(std::size_t count, std::size_t parts) {
+    parts_.assign(parts, Part{});
+    for (std::size_t t = 0; t < parts; ++t) {
+      parts_[t].begin = count * t / parts;
+      parts_[t].end = count * (t + 1) / parts;
+    }
+  }
+
+  template <class Body>
+  void for_each_part(const Execution& execution, const Body& body) {
+    execution.for_each(std::ssize(parts_),
+                       [&](std::ptrdiff_t t) { body(parts_[static_cast<std::size_t>(t)]); });
+  }
+
+  std::uint32_t& next(const Part& part, int cell) {
+    return next_[part.counts + static_cast<std::size_t>(cell - part.first_cell)];
+  }
+
+  /// From counts to places: begin_, and where each part lists its next particle of a cell.
+  void sum_counts(int cells, const Execution& execution) {
+    const std::ptrdiff_t ranges = execution.threads();
+    const auto for_each_count = [&](std::ptrdiff_t range, const auto& before_cell,
+                                    const auto& visit) {
+      const auto edge = [&](std::ptrdiff_t r) { return static_cast<int>(cells * r / ranges); };
+      for (int c = edge(range); c < edge(range + 1); ++c) {
+        before_cell(c);
+        for (const Part& part : parts_)
+          if (c >= part.first_cell && c < part.last_cell)
+            visit(next(part, c));
+      }
+    };
+    sums_.assign(static_cast<std::size_t>(ranges) + 1, 0);
+    execution.for_each(ranges, [&](std::ptrdiff_t r) {
+      std::uint32_t sum = 0;
+      for_each_count(
+          r, [](int) {}, [&](std::uint32_t count) { sum += count; });
+      sums_[static_cast<std::size_t>(r) + 1] = sum;
+    });
+    std::partial_sum(sums_.begin(), sums_.end(), sums_.begin());
+    execution.for_each(ranges, [&](std::ptrdiff_t r) {
+      std::uint32_t sum = sums_[static_cast<std::size_t>(r)];
+      for_each_count(
+          r, [&](int c) { begin_[static_cast<std::size_t>(c)] = sum; },
+          [&](std::uint32_t& count) { sum += std::exchange(count, sum); });
+    });
+    begin_[static_cast<std::size_t>(cells)] = sums_.back();
   }
 
   /// Puts particle order_[k] at place k for all k, in place, one thread an array.
   template <class Real>
-  void reorder(Particles<Dim, Real>& particles, int threads) {
+  void reorder(Particles<Dim, Real>& particles, const Execution& execution) {
     constexpr std::ptrdiff_t arrays = 6;
     moved_.assign(arrays * order_.size(), 0);
-    parallel_for(threads, arrays, [&](std::ptrdiff_t array) {
+    execution.for_each(arrays, [&](std::ptrdiff_t array) {
       char* moved = moved_.data() + static_cast<std::size_t>(array) * order_.size();
       switch (array) {
       case 0:
@@ -132,10 +202,27 @@ class CellOrder {
     }
   }
 
-  std::vector<int> cell_;                   ///< of each particle
-  std::vector<std::uint32_t> begin_, next_; ///< #cells + 1, #threads × #cells
-  std::vector<std::uint32_t> order_;        ///< #p
+  std::vector<int> cell_; ///< of each particle
+  std::vector<Part> parts_;
+  std::vector<std::uint32_t> begin_, next_; ///< #cells + 1, about #cells
+  std::vector<std::uint32_t> sums_;         ///< #ranges of cells + 1
+  std::vector<std::size_t> partials_;
+  std::vector<std::uint32_t> order_; ///< #p
   std::vector<char> moved_;
 };
+
+/// Calls visit(cell) for every cell that holds particles; threads have about as many particles
+/// each.
+template <int Dim, class Visit>
+void for_each_filled_cell(const Execution& execution, const CellOrder<Dim>& order,
+                          const Grid<Dim>& grid, const Visit& visit) {
+  execution.for_balanced(
+      grid.cell_count(), [&](std::ptrdiff_t cell) { return order.begin(static_cast<int>(cell)); },
+      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        for (int c = static_cast<int>(begin); c < end; ++c)
+          if (!order.empty(c))
+            visit(c);
+      });
+}
 
 } // namespace talus

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/parallel.hpp"
 #include "talus/core/types.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
@@ -17,28 +17,28 @@ namespace talus {
 /// without material, #nodes of the grid × at least d each.
 template <int Dim, class NodeVelocity>
 void cells_to_nodes(const std::vector<CellMoments<Dim>>& moments, const CellOrder<Dim>& order,
-                    const Grid<Dim>& grid, const std::vector<int>& nodes, int threads,
-                    std::vector<double>& volume, std::vector<NodeVelocity>& velocity) {
-  parallel_chunks(threads, static_cast<std::ptrdiff_t>(nodes.size()), 64,
-                  [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                    for (std::ptrdiff_t k = begin; k < end; ++k) {
-                      const int node = nodes[static_cast<std::size_t>(k)];
-                      double sum = 0;
-                      Vec<Dim> momentum = Vec<Dim>::Zero();
-                      for_each_cell_of_node(grid, grid.node_index(node), [&](int cell, int corner) {
-                        if (order.empty(cell))
-                          return;
-                        const CellMoments<Dim>& m = moments[static_cast<std::size_t>(cell)];
-                        sum += corner_volume(m, corner);
-                        momentum += m.momentum[static_cast<std::size_t>(corner)];
-                      });
-                      const std::size_t j = static_cast<std::size_t>(node);
-                      volume[j] = sum;
-                      velocity[j].setZero();
-                      if (sum > 0)
-                        velocity[j].template head<Dim>() = momentum / sum;
-                    }
-                  });
+                    const Grid<Dim>& grid, const std::vector<int>& nodes,
+                    const Execution& execution, std::vector<double>& volume,
+                    std::vector<NodeVelocity>& velocity) {
+  execution.for_ranges(std::ssize(nodes), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+    for (std::ptrdiff_t k = begin; k < end; ++k) {
+      const int node = nodes[static_cast<std::size_t>(k)];
+      double sum = 0;
+      Vec<Dim> momentum = Vec<Dim>::Zero();
+      for_each_cell_of_node(grid, grid.node_index(node), [&](int cell, int corner) {
+        if (order.empty(cell))
+          return;
+        const CellMoments<Dim>& m = moments[static_cast<std::size_t>(cell)];
+        sum += corner_volume(m, corner);
+        momentum += m.momentum[static_cast<std::size_t>(corner)];
+      });
+      const std::size_t j = static_cast<std::size_t>(node);
+      volume[j] = sum;
+      velocity[j].setZero();
+      if (sum > 0)
+        velocity[j].template head<Dim>() = momentum / sum;
+    }
+  });
 }
 
 } // namespace talus

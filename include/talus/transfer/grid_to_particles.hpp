@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/parallel.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_moments.hpp"
@@ -95,7 +95,7 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
                        const std::vector<NodeVelocity>& before,
                        const std::vector<double>& divergence,
                        const std::vector<CellMoments<Dim>>& moments, double time_step,
-                       const Vec<Dim>& lower, const Vec<Dim>& upper, int threads) {
+                       const Vec<Dim>& lower, const Vec<Dim>& upper, const Execution& execution) {
   constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   constexpr bool multilinear = Transfer::field == ParticleField::multilinear;
   constexpr std::size_t mixed_count = multilinear ? mixed_terms<Dim>.size() : 0;
@@ -190,11 +190,7 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
       }
     }
   };
-  parallel_chunks(threads, grid.cell_count(), 16, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-    for (int c = static_cast<int>(begin); c < end; ++c)
-      if (!order.empty(c))
-        update_cell(c);
-  });
+  for_each_filled_cell(execution, order, grid, update_cell);
 }
 
 } // namespace talus
