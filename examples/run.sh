@@ -82,9 +82,6 @@ if [ -z "$out" ]; then
   set -- --out "$out" "$@"
 fi
 
-# Threads that wait long for one another are slow on a busy machine, by 10 times and more. For
-# GNU OpenMP; 0, not to wait at all, is slow on one that is free.
-export GOMP_SPINCOUNT="${GOMP_SPINCOUNT:-1000}"
 status=0
 "$build/examples/$name" "$@" || status=$?
 

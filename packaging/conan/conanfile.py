@@ -45,6 +45,8 @@ class TalusRecipe(ConanFile):
     def package_info(self):
         self.cpp_info.bindirs = []
         self.cpp_info.libdirs = []
+        if self.settings.get_safe("os") == "Linux":
+            self.cpp_info.system_libs = ["pthread"]
         self.cpp_info.set_property("cmake_file_name", "talus")
         self.cpp_info.set_property("cmake_target_name", "talus::talus")
         self.cpp_info.set_property("pkg_config_name", "talus")

@@ -5,10 +5,6 @@
 
 #include <cstdio>
 
-#if defined(_OPENMP) != defined(CONSUMER_OPENMP)
-#error "OpenMP is on without being asked for, or off though it was"
-#endif
-
 double slump_in_3d(); // other.cpp
 
 int main() {

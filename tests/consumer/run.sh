@@ -7,14 +7,14 @@
 # Not the full product of ways, compilers, build types and standards, which would be 48 builds. Seven
 # builds have each way at least once, and each pair of compiler, type and standard once or more:
 #
-#     way                               compiler   type      standard   OpenMP
+#     way                               compiler   type      standard
 #     plain -I                          g++        debug     C++20
 #     pkg-config, from the .deb         clang++    release   C++23
 #     find_package, moved prefix        g++        release   C++23
-#     find_package, moved prefix        clang++    debug     C++20      component
+#     find_package, moved prefix        clang++    debug     C++20
 #     find_package, from the .tar.gz    g++        release   C++20
 #     add_subdirectory                  clang++    release   C++20
-#     FetchContent                      clang++    debug     C++23      opt-in
+#     FetchContent                      clang++    debug     C++23
 #
 # Then all that must be refused is: another version, an unknown component, no Eigen. CXX_SECOND
 # replaces clang++.
@@ -83,8 +83,7 @@ if grep -rqF -e "$work" -e "$root" "$work/moved/a prefix/share/cmake" "$work/mov
   fail "the installed files name folders of the machine that built them"
 fi
 with_cmake "find_package, moved, $first, release, c++23" find_package "$first" Release 23 "$moved"
-with_cmake "find_package, moved, $second, debug, c++20, openmp" find_package "$second" Debug 20 "$moved" \
-  -DCONSUMER_COMPONENTS=OpenMP
+with_cmake "find_package, moved, $second, debug, c++20" find_package "$second" Debug 20 "$moved"
 
 (cd "$work/build" && cpack > "$work/cpack.log") || { cat "$work/cpack.log" >&2; fail "cpack failed"; }
 mkdir "$work/tgz"
@@ -110,12 +109,12 @@ plain "pkg-config, .deb, $second, release, C++23" "$second" "-std=c++2b -O2 $(pk
   sed 's/-I\([^ ]*eigen3\)/-isystem \1/g')"
 
 with_cmake "add_subdirectory, $second, release, c++20" add_subdirectory "$second" Release 20
-with_cmake "fetchcontent, $second, debug, c++23, openmp" add_subdirectory "$second" Debug 23 -DCONSUMER_FETCH=ON
+with_cmake "fetchcontent, $second, debug, c++23" add_subdirectory "$second" Debug 23 -DCONSUMER_FETCH=ON
 
 refused "version 0.0" 'requested version "0.0"' "$moved" -DCONSUMER_VERSION=0.0
 refused "version 0.2" 'requested version "0.2"' "$moved" -DCONSUMER_VERSION=0.2
 refused "version 1" 'requested version "1' "$moved" -DCONSUMER_VERSION=1.0
-refused "a component that is none" 'talus has no component MPI; allowed: OpenMP' "$moved" \
+refused "a component that is none" 'none that is called MPI' "$moved" \
   -DCONSUMER_COMPONENTS=MPI
 refused "a machine without Eigen" 'Eigen3' "$moved" -DCMAKE_DISABLE_FIND_PACKAGE_Eigen3=ON
 echo "consumer: all passed"

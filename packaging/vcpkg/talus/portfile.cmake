@@ -4,7 +4,7 @@ get_filename_component(SOURCE_PATH "${CURRENT_PORT_DIR}/../../.." ABSOLUTE)
 
 vcpkg_cmake_configure(
   SOURCE_PATH "${SOURCE_PATH}"
-  OPTIONS -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=OFF -DTALUS_WITH_OPENMP=OFF -DTALUS_INSTALL=ON)
+  OPTIONS -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=OFF -DTALUS_INSTALL=ON)
 vcpkg_cmake_install()
 vcpkg_cmake_config_fixup(CONFIG_PATH share/cmake/talus)
 vcpkg_fixup_pkgconfig()
