@@ -98,9 +98,10 @@ class Simulation {
   /// has no positive volume, a velocity that is not finite or the id of another. A box may be
   /// empty.
   explicit Simulation(Params params, ParticleData particles)
-      : params_(std::move(params)), execution_(params_.threads), grid_(params_.grid),
-        rheology_(params_.rheology), transfer_(params_.transfer), solver_(params_.solver),
-        stencil_(grid_), node_order_(grid_), particles_(std::move(particles)) {
+      : params_(std::move(params)), execution_(params_.threads),
+        grid_(params_.grid, params_.faces.periodic()), rheology_(params_.rheology),
+        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
+        particles_(std::move(particles)) {
     require_positive("material.density", params_.material.density);
     require_positive("time_step", params_.time_step);
     require_non_negative("cfl", params_.cfl);
@@ -121,6 +122,9 @@ class Simulation {
     for (const auto& obstacle : params_.obstacles)
       if (!obstacle)
         throw_invalid("an obstacle", "null", "a valid pointer");
+    if (grid_.any_periodic() && !params_.bodies.empty())
+      throw_invalid("the number of free bodies in a box with periodic faces", params_.bodies.size(),
+                    "0");
     check_particles(particles_, grid_);
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes());
     problem_.bodies.resize(bodies_.state.size());
@@ -142,6 +146,7 @@ class Simulation {
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
       node_rank_[static_cast<std::size_t>(node_order_.nodes()[k])] = k;
     problem_.grid = grid_;
+    problem_.periodic = PeriodicNodes<Dim>(grid_);
     problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
     problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
   }
@@ -173,6 +178,8 @@ class Simulation {
     collect_cones(ratio);
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), execution_, problem_);
+    problem_.periodic.copy(problem_.velocity, execution_);
+    problem_.periodic.copy(problem_.inverse_mass, execution_);
     collect_contacts(boundaries(), node_rank_, {last_.contacts, ratio}, problem_);
     collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_,
                           {last_.body_contacts, ratio}, problem_);
@@ -289,18 +296,18 @@ class Simulation {
   /// dense.
   double volume_fraction(const Index<Dim>& node) const {
     require_step("volume_fraction");
-    const std::size_t j = static_cast<std::size_t>(grid_.node(node));
+    const std::size_t j = node_number(node);
     return material_volume_[j] / (open_share_[j] * grid_.node_volume(node));
   }
   /// u_i, m/s; zero where there is no material.
   Vec<Dim> velocity(const Index<Dim>& node) const {
     require_step("velocity");
-    return problem_.velocity[static_cast<std::size_t>(grid_.node(node))].template head<Dim>();
+    return problem_.velocity[node_number(node)].template head<Dim>();
   }
   /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
     require_step("stress");
-    const Vec<cone_size>& impulse = node_stress_[static_cast<std::size_t>(grid_.node(node))];
+    const Vec<cone_size>& impulse = node_stress_[node_number(node)];
     return std::min(1.0, volume_fraction(node)) / time_step_ *
            vector_to_symmetric<Dim, double>(impulse);
   }
@@ -309,7 +316,7 @@ class Simulation {
   /// I_i that the step's friction was taken at; 0 for a law that does not depend on it.
   double inertial_number(const Index<Dim>& node) const {
     require_step("inertial_number");
-    return inertial_number_[static_cast<std::size_t>(grid_.node(node))];
+    return inertial_number_[node_number(node)];
   }
 
   /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I. After a
@@ -387,6 +394,10 @@ class Simulation {
                     "at least 1: it belongs to the last step");
   }
 
+  std::size_t node_number(const Index<Dim>& node) const {
+    return static_cast<std::size_t>(grid_.node(grid_.owner(node)));
+  }
+
   static double seconds(Clock::time_point from, Clock::time_point to) {
     return std::chrono::duration<double>(to - from).count();
   }
@@ -433,6 +444,8 @@ class Simulation {
     all_cell_moments<TransferT::field>(particles_, order_, grid_, execution_, moments_);
     cells_to_nodes(moments_, order_, grid_, node_order_.nodes(), execution_, material_volume_,
                    velocity_before_);
+    problem_.periodic.copy(material_volume_, execution_);
+    problem_.periodic.copy(velocity_before_, execution_);
     problem_.velocity.resize(velocity_before_.size());
     execution_.for_ranges(
         std::ssize(velocity_before_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -474,6 +487,7 @@ class Simulation {
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio); });
+    problem_.periodic.copy(node_cone_, execution_);
   }
 
   void fill_cone(std::size_t i, double ratio) {
@@ -490,6 +504,7 @@ class Simulation {
       add_coupling(m, corner, grid_.inverse_spacing(), g);
       first_moment += corner_first_moment(m, corner);
     });
+    fold_neighbours(index, g);
     open_share_[j] = open_share(boundaries(), grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = ratio * node_stress_[j];
@@ -498,12 +513,32 @@ class Simulation {
     problem_.friction[i] = friction(i);
   }
 
+  /// Along a periodic axis of one or two cells two or three neighbours are the same node, which
+  /// then gets what all of them have.
+  void fold_neighbours(const Index<Dim>& index, Coupling<Dim>& g) const {
+    for (int a = 0; a < Dim; ++a) {
+      if (!grid_.periodic(a) || grid_.cells(a) > 2)
+        continue;
+      const int stride = ipow(3, Dim - 1 - a);
+      const int kept = grid_.cells(a) == 1 ? 1 : index[a] == 0 ? 2 : 0; // of −1, 0, 1
+      for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+        const int place = k / stride % 3;
+        if (place == kept || (grid_.cells(a) == 2 && place == 1))
+          continue;
+        g.col(k + (kept - place) * stride) += g.col(k);
+        g.col(k).setZero();
+      }
+    }
+  }
+
   /// Does the material of node j end at a free surface along `axis`: is the next node that way (±1)
   /// emptier than that of a dense layer a cell thick (1/2), but for noise? What is empty before a
   /// closed face is a gap, not a surface.
   bool surface_towards(std::size_t j, const Index<Dim>& index, int axis, int way) const {
     Index<Dim> next = index;
     next[axis] += way;
+    if (grid_.periodic(axis))
+      return material_volume_[node_number(next)] < 0.45 * grid_.node_volume(next);
     if (next[axis] < 0 || next[axis] > grid_.cells(axis))
       return false;
     const std::size_t s = static_cast<std::size_t>(axis);
@@ -520,7 +555,8 @@ class Simulation {
     std::array<NodeSide, std::size_t{Dim}> side;
     for (int a = 0; a < Dim; ++a) {
       NodeSide& here = side[static_cast<std::size_t>(a)];
-      here = index[a] == 0                ? NodeSide::on_lower_face
+      here = grid_.periodic(a)            ? NodeSide::inside
+             : index[a] == 0              ? NodeSide::on_lower_face
              : index[a] == grid_.cells(a) ? NodeSide::on_upper_face
                                           : NodeSide::inside;
       const int way = here == NodeSide::on_lower_face   ? 1
@@ -634,6 +670,7 @@ class Simulation {
       stress = problem_.stress[i];
       stress[0] -= cone_apex(rheology_, problem_, time_step_, i);
     });
+    problem_.periodic.copy(node_stress_, execution_);
   }
 
   /// The particles' velocity fields and places from the grid's new velocities.
@@ -649,6 +686,7 @@ class Simulation {
         divergence_[j] = Dim * mean_from_normal<Dim>(strain_rate(problem_, stencil_, i)[0]) /
                          material_volume_[j];
       });
+    problem_.periodic.copy(divergence_, execution_);
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
                              velocity_before_, divergence_, moments_, time_step_, lower, upper,
                              execution_);

@@ -18,6 +18,7 @@ enum class FaceKind {
   slip,       ///< u·n = 0
   free,       ///< nothing: material that passes it leaves the simulation
   frictional, ///< Coulomb contact with coefficient `friction`; the material may come off
+  periodic,   ///< the box goes on at the opposite face, which must be periodic as well
   unset,      ///< refused: a face has no default
 };
 
@@ -40,13 +41,14 @@ struct Faces {
   }
 
   /// Throws std::invalid_argument if a face was not given, if the friction of a frictional face is
-  /// not given, negative or not finite, or if a face that is not frictional has one.
+  /// not given, negative or not finite, if a face that is not frictional has one, or if only one
+  /// of two opposite faces is periodic.
   void validate() const {
     constexpr std::array axis_names{"x", "y", "z"};
     const auto check = [](const std::string& name, const Face& face) {
       if (face.kind == FaceKind::unset)
         throw_invalid(name, "not given",
-                      "FaceKind::stick, slip, free or frictional; it has no default");
+                      "FaceKind::stick, slip, free, frictional or periodic; it has no default");
       if (face.kind == FaceKind::frictional)
         require_given_non_negative(name + ".friction", face.friction);
       else if (!std::isnan(face.friction) && face.friction != 0)
@@ -56,7 +58,18 @@ struct Faces {
     for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
       check(std::string("faces.lower.") + axis_names[a], lower[a]);
       check(std::string("faces.upper.") + axis_names[a], upper[a]);
+      if ((lower[a].kind == FaceKind::periodic) != (upper[a].kind == FaceKind::periodic))
+        throw_invalid(std::string("faces: the number of periodic ones along ") + axis_names[a], 1,
+                      "0 or 2");
     }
+  }
+
+  /// Along which axes the box is periodic.
+  std::array<bool, static_cast<std::size_t>(Dim)> periodic() const {
+    std::array<bool, static_cast<std::size_t>(Dim)> axes{};
+    for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+      axes[a] = lower[a].kind == FaceKind::periodic;
+    return axes;
   }
 };
 

@@ -38,8 +38,10 @@ class Grid {
 
   /// Throws std::invalid_argument if a size is not finite and positive, a number of cells is below
   /// 1, or the grid has more than 2^30 nodes.
-  explicit Grid(const GridParams<Dim>& params)
-      : origin_(params.origin), size_(params.size), cells_(params.cells) {
+  /// periodic: along which axes the box goes on at its opposite face.
+  explicit Grid(const GridParams<Dim>& params,
+                const std::array<bool, std::size_t{Dim}>& periodic = {})
+      : origin_(params.origin), size_(params.size), cells_(params.cells), periodic_(periodic) {
     constexpr std::array axis_names{"x", "y", "z"};
     double nodes = 1;
     for (int a = 0; a < Dim; ++a) {
@@ -75,6 +77,29 @@ class Grid {
   int cell_count() const { return cell_count_; }
   int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
 
+  bool periodic(int axis) const { return periodic_[static_cast<std::size_t>(axis)]; }
+  bool any_periodic() const { return std::ranges::find(periodic_, true) != periodic_.end(); }
+
+  /// The node of the box that stands for the same place: the same one, but for the last node along
+  /// a periodic axis and the ghosts beyond.
+  Index<Dim> owner(Index<Dim> node) const {
+    for (int a = 0; a < Dim; ++a)
+      if (periodic(a))
+        node[a] = (node[a] % cells(a) + cells(a)) % cells(a);
+    return node;
+  }
+
+  /// x moved by whole boxes along the periodic axes, so that it lies in the box.
+  Vec<Dim> wrapped(Vec<Dim> x) const {
+    for (int a = 0; a < Dim; ++a)
+      if (periodic(a) && !(x[a] >= origin_[a] && x[a] < origin_[a] + size_[a])) {
+        x[a] -= size_[a] * std::floor((x[a] - origin_[a]) / size_[a]);
+        if (!(x[a] >= origin_[a] && x[a] < origin_[a] + size_[a])) // by rounding
+          x[a] = origin_[a];
+      }
+    return x;
+  }
+
   int node_stride(int axis) const { return node_stride_[axis]; }
 
   /// Number of the node with coordinates 0..cells(a) on each axis (-1 and cells(a)+1: ghosts).
@@ -103,12 +128,13 @@ class Grid {
   }
   Vec<Dim> node_position(int node) const { return node_position(node_index(node)); }
 
-  /// v_i = ∫ N_i over the box (m^d): a cell's volume, halved for each face that the node lies on.
+  /// v_i = ∫ N_i over the box (m^d): a cell's volume, halved for each face that the node lies on
+  /// and that is not periodic.
   double node_volume(const Index<Dim>& index) const {
     double v = cell_volume();
     for (int a = 0; a < Dim; ++a) {
       const int i = index[a];
-      if (i == 0 || i == cells(a))
+      if (!periodic(a) && (i == 0 || i == cells(a)))
         v *= 0.5;
     }
     return v;
@@ -177,6 +203,7 @@ class Grid {
   Vec<Dim> origin_ = Vec<Dim>::Zero(), size_ = Vec<Dim>::Zero();
   Vec<Dim> spacing_ = Vec<Dim>::Zero(), inverse_spacing_ = Vec<Dim>::Zero();
   Index<Dim> cells_{}, node_stride_{}, cell_stride_{};
+  std::array<bool, std::size_t{Dim}> periodic_{};
   int node_count_ = 0, cell_count_ = 0;
 };
 

@@ -6,6 +6,8 @@
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 
+#include <algorithm>
+#include <array>
 #include <cstddef>
 #include <numeric>
 #include <vector>
@@ -15,7 +17,7 @@ namespace talus {
 /// The order in which Gauss–Seidel visits the nodes: blocks of 4^d nodes in 2^d colours. A cone
 /// changes the velocities of its 3^d neighbours, so two blocks of one colour, a whole block apart,
 /// never touch the same velocity, and threads can share a colour without changing a bit of the
-/// result.
+/// result. Along a periodic axis blocks have 2 to 8 nodes, and copies of nodes are in no block.
 template <int Dim>
 class BlockOrder {
  public:
@@ -25,26 +27,30 @@ class BlockOrder {
 
   BlockOrder() = default;
   explicit BlockOrder(const Grid<Dim>& grid) {
+    std::array<std::vector<int>, std::size_t{Dim}> edges; // where blocks begin along each axis
     Index<Dim> blocks;
-    for (int a = 0; a < Dim; ++a)
-      blocks[a] = grid.cells(a) / block_edge + 1;
+    for (int a = 0; a < Dim; ++a) {
+      std::vector<int>& edge = edges[static_cast<std::size_t>(a)];
+      edge = grid.periodic(a) ? periodic_edges(grid.cells(a)) : closed_edges(grid.cells(a) + 1);
+      blocks[a] = static_cast<int>(edge.size()) - 1;
+    }
+    const auto edge = [&](int a, int block) {
+      return edges[static_cast<std::size_t>(a)][static_cast<std::size_t>(block)];
+    };
     for (int colour = 0; colour < colours; ++colour) {
       colour_begin_.push_back(begin_.size());
       for_each_index(blocks, [&](const Index<Dim>& block) {
-        for (int a = 0; a < Dim; ++a)
+        Index<Dim> count;
+        for (int a = 0; a < Dim; ++a) {
           if (block[a] % 2 != Grid<Dim>::corner_bit(colour, a))
             return;
+          count[a] = edge(a, block[a] + 1) - edge(a, block[a]);
+        }
         begin_.push_back(nodes_.size());
-        Index<Dim> edges;
-        for (int& edge : edges.values)
-          edge = block_edge;
-        for_each_index(edges, [&](const Index<Dim>& in_block) {
+        for_each_index(count, [&](const Index<Dim>& in_block) {
           Index<Dim> node;
-          for (int a = 0; a < Dim; ++a) {
-            node[a] = block[a] * block_edge + in_block[a];
-            if (node[a] > grid.cells(a))
-              return;
-          }
+          for (int a = 0; a < Dim; ++a)
+            node[a] = edge(a, block[a]) + in_block[a];
           nodes_.push_back(grid.node(node));
         });
       });
@@ -61,6 +67,24 @@ class BlockOrder {
   const std::vector<std::size_t>& colour_begin() const { return colour_begin_; }
 
  private:
+  static std::vector<int> closed_edges(int nodes) {
+    std::vector<int> edges;
+    for (int first = 0; first < nodes; first += block_edge)
+      edges.push_back(first);
+    edges.push_back(nodes);
+    return edges;
+  }
+
+  /// One block, or an even number, so that the first and the last, which are neighbours, differ in
+  /// colour.
+  static std::vector<int> periodic_edges(int nodes) {
+    const int count = nodes <= block_edge ? 1 : 2 * std::max(1, nodes / (2 * block_edge));
+    std::vector<int> edges;
+    for (int k = 0; k <= count; ++k)
+      edges.push_back(nodes * k / count);
+    return edges;
+  }
+
   /// Calls visit for all indices below `count`, last axis fastest.
   template <class Visit>
   static void for_each_index(const Index<Dim>& count, const Visit& visit) {

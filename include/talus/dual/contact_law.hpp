@@ -33,6 +33,13 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const Contact<Dim>&
   return problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
 }
 
+/// Gives all nodes of a node's place its velocity, after a change.
+template <int Dim>
+void share_velocity(DualProblem<Dim>& problem, int node) {
+  if (problem.periodic.near_copy(node))
+    problem.periodic.share(problem.velocity, node);
+}
+
 /// Solves one contact and puts the change of its impulse into the node's velocity; returns w |Δr|²,
 /// w the inverse mass.
 template <int Dim>
@@ -44,6 +51,7 @@ double update_contact(DualProblem<Dim>& problem, Contact<Dim>& contact) {
   const Vec<Dim> change = minus<Dim>(impulse, contact.impulse);
   for (int a = 0; a < Dim; ++a)
     problem.velocity[j][a] += problem.inverse_mass[j][a] * change[a];
+  share_velocity(problem, contact.node);
   contact.impulse = impulse;
   return inverse_mass * dot<Dim>(change, change);
 }

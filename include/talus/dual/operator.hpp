@@ -90,6 +90,11 @@ void apply_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std::s
       row[k] += mass_row[k].cwiseProduct(force);
     }
   }
+  if (problem.periodic.near_copy(problem.node[cone]))
+    for (int k = 0; k < ipow(3, Dim); ++k)
+      if (!g.col(k).isZero(0)) // what did not change may be an old copy of what did
+        problem.periodic.share(problem.velocity,
+                               problem.node[cone] + problem.grid.neighbour_offset(k));
 }
 
 /// W_ii = B_i M⁻¹ B_iᵀ (symmetric, positive semi-definite), with B_iᵀ λ = Λ g. m^(2d-2)/kg.
@@ -147,6 +152,7 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
     const std::size_t j = static_cast<std::size_t>(contact.node);
     for (int a = 0; a < Dim; ++a)
       problem.velocity[j][a] += problem.inverse_mass[j][a] * contact.impulse[a];
+    share_velocity(problem, contact.node);
   }
   for (const BodyContact<Dim>& contact : problem.body_contacts)
     apply_impulse(problem, contact, contact.impulse);
@@ -164,6 +170,7 @@ void remove_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
     const std::size_t j = static_cast<std::size_t>(contact.node);
     problem.velocity[j].template head<Dim>() -=
         problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
+    share_velocity(problem, contact.node);
     contact.impulse.setZero();
   }
   for (BodyContact<Dim>& contact : problem.body_contacts) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/grid.hpp"
+#include "talus/core/periodic_nodes.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
@@ -72,6 +73,7 @@ struct DualProblem {
   static constexpr int neighbours = ipow(3, Dim);
 
   Grid<Dim> grid;
+  PeriodicNodes<Dim> periodic; ///< of the grid; `velocity` is the same at all nodes of a place
   std::vector<NodeVec<Dim>> velocity;     ///< u, #nodes, m/s
   std::vector<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
 

@@ -10,6 +10,7 @@
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -53,9 +54,12 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
     throw_invalid("the number of free bodies in a problem file", problem.bodies.size(), "0");
   const auto& grid = problem.grid;
   std::vector<int> points; // whose velocity or mass is not zero
-  for (std::size_t j = 0; j < problem.velocity.size(); ++j)
-    if (!problem.velocity[j].isZero(0) || !problem.inverse_mass[j].isZero(0))
-      points.push_back(static_cast<int>(j));
+  for (int node = 0; node < grid.node_count(); ++node) {
+    const std::size_t j = static_cast<std::size_t>(node);
+    if (grid.node(grid.owner(grid.node_index(node))) == node &&
+        !(problem.velocity[j].isZero(0) && problem.inverse_mass[j].isZero(0)))
+      points.push_back(node);
+  }
 
   detail::ByteWriter out;
   const auto vector_line = [&](std::string_view key, const auto& value) {
@@ -64,11 +68,13 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
       out.number(value(a));
     out.text("\n");
   };
-  out.line("talus-problem", 1);
+  out.line("talus-problem", grid.any_periodic() ? 2 : 1);
   out.line("dimension", Dim);
   vector_line("cells", [&](int a) { return grid.cells(a); });
   vector_line("origin", grid.origin());
   vector_line("size", grid.size());
+  if (grid.any_periodic())
+    vector_line("periodic", [&](int a) { return grid.periodic(a) ? 1 : 0; });
   out.line("velocity_scale", problem.velocity_scale);
   out.line("points", points.size());
   out.line("cones", problem.cones());
@@ -120,8 +126,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   detail::ByteReader in(path);
   int version = 0, dimension = 0;
   in.line("talus-problem", version);
-  if (version != 1)
-    in.fail("its version is " + std::to_string(version) + "; allowed: 1");
+  if (version != 1 && version != 2)
+    in.fail("its version is " + std::to_string(version) + "; allowed: 1 or 2");
   in.line("dimension", dimension);
   if (dimension != Dim)
     in.fail("its dimension is " + std::to_string(dimension) + "; expected: " + std::to_string(Dim));
@@ -139,12 +145,23 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     in.line("origin", box.origin[0], box.origin[1], box.origin[2]);
     in.line("size", box.size[0], box.size[1], box.size[2]);
   }
+  Index<Dim> periodic{};
+  if (version == 2) {
+    if constexpr (Dim == 2)
+      in.line("periodic", periodic[0], periodic[1]);
+    else
+      in.line("periodic", periodic[0], periodic[1], periodic[2]);
+  }
   in.line("velocity_scale", problem.velocity_scale);
   in.line("points", points);
   in.line("cones", cones);
   in.line("contacts", contacts);
   try {
-    problem.grid = Grid<Dim>(box);
+    std::array<bool, std::size_t{Dim}> axes{};
+    for (int a = 0; a < Dim; ++a)
+      axes[static_cast<std::size_t>(a)] = periodic[a] != 0;
+    problem.grid = Grid<Dim>(box, axes);
+    problem.periodic = PeriodicNodes<Dim>(problem.grid);
   } catch (const std::invalid_argument& error) {
     in.fail(error.what());
   }
@@ -181,6 +198,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     problem.velocity[j].template head<Dim>() = u;
     problem.inverse_mass[j].template head<Dim>() = w;
   }
+  problem.periodic.copy(problem.velocity, Execution());
+  problem.periodic.copy(problem.inverse_mass, Execution());
   problem.node.resize(cones);
   problem.coupling.resize(cones);
   problem.void_rate.resize(cones);

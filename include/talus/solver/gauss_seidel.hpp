@@ -305,6 +305,7 @@ class GaussSeidel {
                              workspace.last_velocity[i]);
                       }
                     });
+    problem.periodic.copy(problem.velocity, team);
   }
 
   Params params_{};

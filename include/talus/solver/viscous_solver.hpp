@@ -90,6 +90,7 @@ class ViscousSolver {
     multiply(problem, material_volume, factor, u, execution);
     for_each(problem, execution,
              [&](std::size_t j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
+    problem.periodic.copy(u, execution);
     return report;
   }
 
@@ -172,6 +173,7 @@ class ViscousSolver {
               .array() += weight / 2 * (g.squaredNorm() + g.array().square());
         }
     });
+    problem.periodic.fold(inverse_diagonal_);
     for_each(problem, execution, [&](std::size_t j) {
       const Wide& inverse_mass = problem.inverse_mass[j];
       inverse_diagonal_[j] =
@@ -181,7 +183,8 @@ class ViscousSolver {
 
   /// product_ = δt K v.
   void multiply(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-                double factor, const std::vector<Wide>& v, const Execution& execution) {
+                double factor, std::vector<Wide>& v, const Execution& execution) {
+    problem.periodic.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       std::fill(product_.begin() + begin, product_.begin() + end, Wide::Zero());
     });
@@ -196,6 +199,7 @@ class ViscousSolver {
         for (int k = 0; k < 3; ++k)
           force[stencil_.row(r) + k].template head<Dim>() += stress * g.col(3 * r + k);
     });
+    problem.periodic.fold(product_);
   }
 
   Stencil<Dim> stencil_;

@@ -40,15 +40,15 @@ void hold_at_faces(const Faces<Dim>& faces, const std::vector<int>& nodes,
 }
 
 /// Between which positions (m) particles may be: a wall lets nothing through, not even what a
-/// contact's residual would. Infinite where a face is free.
+/// contact's residual would. Infinite where a face is free or periodic.
 template <int Dim>
 std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Grid<Dim>& grid) {
   Vec<Dim> lower = grid.origin(), upper = grid.upper();
   for (int a = 0; a < Dim; ++a) {
     const std::size_t s = static_cast<std::size_t>(a);
-    if (faces.lower[s].kind == FaceKind::free)
+    if (faces.lower[s].kind == FaceKind::free || grid.periodic(a))
       lower[a] = -std::numeric_limits<double>::infinity();
-    if (faces.upper[s].kind == FaceKind::free)
+    if (faces.upper[s].kind == FaceKind::free || grid.periodic(a))
       upper[a] = std::numeric_limits<double>::infinity();
   }
   return {lower, upper};

@@ -217,8 +217,8 @@ void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim
   });
 }
 
-/// Calls visit(cell, corner) for each cell of the box that node `index` is a corner of, in a fixed
-/// order; `corner` says which one.
+/// Calls visit(cell, corner) for each cell of the box that node `index`, an owner, is a corner of,
+/// in a fixed order; `corner` says which one.
 template <int Dim, class Visit>
 void for_each_cell_of_node(const Grid<Dim>& grid, const Index<Dim>& index, const Visit& visit) {
   using G = Grid<Dim>;
@@ -228,6 +228,8 @@ void for_each_cell_of_node(const Grid<Dim>& grid, const Index<Dim>& index, const
     for (int a = 0; a < Dim; ++a) {
       int& i = cell[a];
       i -= 1 - G::corner_bit(k, a);
+      if (grid.periodic(a) && i < 0)
+        i += grid.cells(a);
       inside = inside && i >= 0 && i < grid.cells(a);
     }
     if (inside)

@@ -85,9 +85,9 @@ class CellField {
 
 /// Takes the particles' velocity fields from the grid by `transfer` and moves
 /// x_p += δt Σ_i N_i(x_p) u_i, held between `lower` and `upper` (m; infinite where particles may
-/// leave the box). velocity, before: u and u* at the nodes, m/s, #nodes × at least d; divergence:
-/// the nodes' mean tr ∇u, #nodes, 1/s, used if the particles' fields are multilinear; time_step:
-/// δt, s.
+/// leave the box) and moved by whole boxes where the box is periodic. velocity, before: u and u* at
+/// the nodes, m/s, #nodes × at least d; divergence: the nodes' mean tr ∇u, #nodes, 1/s, used if the
+/// particles' fields are multilinear; time_step: δt, s.
 template <int Dim, class Real, TransferScheme<Dim> Transfer, class NodeVelocity>
 void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                        const Grid<Dim>& grid, const Transfer& transfer,
@@ -186,7 +186,7 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
         if constexpr (multilinear)
           particles.mixed[p] = own.mixed.template cast<Real>();
         Vec<Dim>& x = particles.position[p];
-        x = (x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper);
+        x = grid.wrapped((x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper));
       }
     }
   };
