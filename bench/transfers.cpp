@@ -50,8 +50,8 @@ struct Cloud {
     const std::size_t nodes = static_cast<std::size_t>(grid.node_count());
     velocity.assign(nodes, Vec<4>::Constant(0.1));
     before = velocity;
-    order.update(particles, grid, 1);
-    all_cell_moments<ParticleField::multilinear>(particles, order, grid, 1, moments);
+    order.update(particles, grid, Execution());
+    all_cell_moments<ParticleField::multilinear>(particles, order, grid, Execution(), moments);
   }
 
   void count(benchmark::State& state) const {
@@ -65,7 +65,7 @@ template <int Dim>
 void list(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
   for (auto _ : state)
-    cloud.order.update(cloud.particles, cloud.grid, 1);
+    cloud.order.update(cloud.particles, cloud.grid, Execution());
   cloud.count(state);
 }
 
@@ -83,7 +83,7 @@ void reorder(benchmark::State& state) {
     state.PauseTiming();
     cloud.particles = disorder;
     state.ResumeTiming();
-    cloud.order.update(cloud.particles, cloud.grid, 1);
+    cloud.order.update(cloud.particles, cloud.grid, Execution());
   }
   cloud.count(state);
 }
@@ -92,7 +92,7 @@ template <int Dim, class Transfer>
 void to_cells(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
   for (auto _ : state)
-    all_cell_moments<Transfer::field>(cloud.particles, cloud.order, cloud.grid, 1, cloud.moments);
+    all_cell_moments<Transfer::field>(cloud.particles, cloud.order, cloud.grid, Execution(), cloud.moments);
   cloud.count(state);
 }
 
@@ -103,7 +103,7 @@ void to_particles(benchmark::State& state) {
   const Vec<Dim> lower = cloud.grid.origin(), upper = cloud.grid.upper();
   for (auto _ : state) // a time step of 0: every repetition finds the same
     grid_to_particles(cloud.particles, cloud.order, cloud.grid, Transfer(), cloud.velocity,
-                      cloud.before, divergence, cloud.moments, 0.0, lower, upper, 1);
+                      cloud.before, divergence, cloud.moments, 0.0, lower, upper, Execution());
   cloud.count(state);
 }
 

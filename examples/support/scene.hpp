@@ -78,20 +78,21 @@ class Scene : public SceneOptions {
   }
 
   /// As box_params.
-  template <int Dim>
-  typename SceneSimulation<Dim>::Params box(const talus::Vec<3>& size) const {
-    return box_params<Dim>(*this, size);
+  template <int Dim, class Sim = SceneSimulation<Dim>>
+  typename Sim::Params box(const talus::Vec<3>& size) const {
+    return box_params<Dim, Sim>(*this, size);
   }
 
   /// The run, ready to advance; sections.csv is along the middle of the box.
-  template <int Dim>
-  Run<SceneSimulation<Dim>> start(SceneSimulation<Dim>& sim) const {
-    nlohmann::json inputs = scene_inputs<Dim>(*this, sim);
+  template <class Sim>
+  Run<Sim> start(Sim& sim) const {
+    nlohmann::json inputs = scene_inputs(*this, sim);
     for (const auto& [key, value] : own_)
       inputs[key] = *value;
     RunOptions options = run;
-    options.section_row = Dim == 3 ? sim.grid().cells(1) / 2 : 0;
-    return Run<SceneSimulation<Dim>>(sim, name_, options, inputs);
+    if constexpr (Sim::dimension == 3)
+      options.section_row = sim.grid().cells(1) / 2;
+    return Run<Sim>(sim, name_, options, inputs);
   }
 
  private:

@@ -76,14 +76,13 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
 }
 
 /// A box of the given size (along, across, up; m) with frictional walls, a rough floor and an open
-/// top, under gravity.
-template <int Dim>
-typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
-                                                 const talus::Vec<3>& size) {
+/// top, under gravity; the law is set where it is one constant.
+template <int Dim, class Sim = SceneSimulation<Dim>>
+typename Sim::Params box_params(const SceneOptions& options, const talus::Vec<3>& size) {
   constexpr int up = talus::up_axis<Dim>;
   constexpr double gravity = 9.81; // m/s²
   talus::require_positive("--cell", options.cell);
-  typename SceneSimulation<Dim>::Params params;
+  typename Sim::Params params;
   for (int a = 0; a < Dim; ++a) {
     params.grid.size[a] = size[a == up ? 2 : a];
     params.grid.cells[a] =
@@ -97,7 +96,8 @@ typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
   params.gravity = -gravity * talus::Vec<Dim>::Unit(up);
   params.material.density = options.density;
   params.time_step = options.time_step.value_or(0.05 * std::sqrt(options.cell / gravity));
-  params.rheology.mu = options.friction;
+  if constexpr (requires { params.rheology.mu; })
+    params.rheology.mu = options.friction;
   params.solver.max_sweeps = 5000;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
@@ -105,8 +105,9 @@ typename SceneSimulation<Dim>::Params box_params(const SceneOptions& options,
 }
 
 /// The inputs that all these programs share, for summary.json.
-template <int Dim>
-nlohmann::json scene_inputs(const SceneOptions& options, const SceneSimulation<Dim>& sim) {
+template <class Sim>
+nlohmann::json scene_inputs(const SceneOptions& options, const Sim& sim) {
+  constexpr int Dim = Sim::dimension;
   nlohmann::json size, cells;
   for (int a = 0; a < Dim; ++a) {
     size.push_back(sim.grid().size()[a]);

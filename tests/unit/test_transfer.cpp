@@ -57,17 +57,17 @@ struct Cloud {
           mixed.data()[i] = random.uniform() - 0.5;
     }
     unordered = particles;
-    order.update(particles, grid, 1);
+    order.update(particles, grid, Execution());
     gather(field);
   }
 
   void gather(ParticleField field) {
     if (field == ParticleField::constant)
-      all_cell_moments<ParticleField::constant>(particles, order, grid, 1, moments);
+      all_cell_moments<ParticleField::constant>(particles, order, grid, Execution(), moments);
     else if (field == ParticleField::affine)
-      all_cell_moments<ParticleField::affine>(particles, order, grid, 1, moments);
+      all_cell_moments<ParticleField::affine>(particles, order, grid, Execution(), moments);
     else
-      all_cell_moments<ParticleField::multilinear>(particles, order, grid, 1, moments);
+      all_cell_moments<ParticleField::multilinear>(particles, order, grid, Execution(), moments);
   }
 
   /// Sum over the cells of a node.
@@ -132,14 +132,14 @@ void check_orders() {
 
   cloud.particles.position[0] = cloud.grid.upper();
   const Particles<Dim> moved = cloud.particles;
-  cloud.order.update(cloud.particles, cloud.grid, 1);
+  cloud.order.update(cloud.particles, cloud.grid, Execution());
   check_order(cloud.order, cloud.particles, cloud.grid);
   CHECK_FALSE(in_memory_order()); // not worth moving the others for
   CHECK(cloud.particles.id == moved.id);
 
   CellOrder<Dim> by_threads;
   Particles<Dim> same = cloud.particles;
-  by_threads.update(same, cloud.grid, 3);
+  by_threads.update(same, cloud.grid, Execution(3));
   for (std::size_t k = 0; k < same.size(); ++k)
     CHECK(by_threads.particle(k) == cloud.order.particle(k));
 }
@@ -256,7 +256,7 @@ void check_samples() {
   for (double& d : divergence)
     d = random.uniform();
   grid_to_particles(after, cloud.order, grid, Record(), u, before, divergence, cloud.moments, dt,
-                    lower, upper, 2);
+                    lower, upper, Execution(2));
   for (std::size_t p = 0; p < after.size(); ++p) {
     const Vec<Dim> x = cloud.particles.position[p];
     const Index<Dim> cell = grid.cell_at(x);
@@ -354,7 +354,7 @@ double round_trip_loss(Transfer transfer, double time_step) {
   if constexpr (requires { transfer.prepare(TransferStep{}); })
     transfer.prepare({time_step, 30});
   grid_to_particles(cloud.particles, cloud.order, grid, transfer, u, u, divergence, cloud.moments,
-                    0.0, Vec<Dim>(-everywhere), everywhere, 2);
+                    0.0, Vec<Dim>(-everywhere), everywhere, Execution(2));
   cloud.gather(Transfer::field);
   const auto after = nodal_velocities(cloud);
   double lost = 0, all = 0;
