@@ -28,6 +28,7 @@
 #include "talus/step/free_bodies.hpp"
 #include "talus/step/friction.hpp"
 #include "talus/step/report.hpp"
+#include "talus/step/solids.hpp"
 #include "talus/step/state.hpp"
 #include "talus/step/time_step.hpp"
 #include "talus/step/wrenches.hpp"
@@ -125,6 +126,7 @@ class Simulation {
     check_particles(particles_, grid_);
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes());
     problem_.bodies.resize(bodies_.state.size());
+    solids_ = SolidsAtCones<Dim>(boundaries());
 
     const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
     material_volume_.assign(nodes, 0);
@@ -162,6 +164,7 @@ class Simulation {
     require_whole();
     Attempt attempt(*this);
     particles_to_grid();
+    solids_.place(boundaries());
     choose_time_step();
     report.time_step = time_step_;
     const auto t1 = Clock::now();
@@ -174,8 +177,8 @@ class Simulation {
     collect_cones(ratio);
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), problem_);
-    collect_contacts(boundaries(), node_rank_, {last_.contacts, ratio}, problem_);
-    collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_,
+    collect_contacts(boundaries(), solids_, node_rank_, {last_.contacts, ratio}, problem_);
+    collect_body_contacts(boundaries(), solids_, node_rank_, time_step_,
                           {last_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_);
     if constexpr (Viscous<RheologyT>)
@@ -425,8 +428,8 @@ class Simulation {
   void choose_time_step() {
     time_step_ = params_.cfl == 0 ? params_.time_step
                                   : cfl_time_step(params_.cfl, params_.time_step, boundaries(),
-                                                  node_order_.nodes(), velocity_before_, bodies_,
-                                                  params_.gravity);
+                                                  solids_, node_order_.nodes(), velocity_before_,
+                                                  bodies_, params_.gravity);
   }
 
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
@@ -456,6 +459,7 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
+    solids_.find(grid_, node_cone_, cones);
     parallel_chunks(params_.threads, static_cast<std::ptrdiff_t>(cones), 32,
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::ptrdiff_t i = begin; i < end; ++i)
@@ -476,7 +480,7 @@ class Simulation {
       add_coupling(m, corner, grid_.inverse_spacing(), g);
       first_moment += corner_first_moment(m, corner);
     });
-    open_share_[j] = open_share(boundaries(), grid_.node_position(index));
+    open_share_[j] = solids_.look(boundaries(), i, grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = ratio * node_stress_[j];
     problem_.void_rate[i] =
@@ -648,6 +652,7 @@ class Simulation {
   std::vector<std::size_t> node_rank_; ///< place of a node in node_order_
   ParticleData particles_;
   FreeBodies<Dim> bodies_;
+  SolidsAtCones<Dim> solids_;
   double time_ = 0;
   std::size_t steps_ = 0;
   double time_step_ = 0; ///< δt of this step, s

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-namespace talus::detail {
+namespace talus::shapes::detail {
 
 /// Triangles in a tree, each branch cut in two at the median of its longest edge: distances and
 /// winding numbers for a small part of the triangles' number each. What is in a branch is in a
@@ -264,4 +264,4 @@ class TriangleTree {
   std::vector<Branch> branches_; ///< the first is all
 };
 
-} // namespace talus::detail
+} // namespace talus::shapes::detail

@@ -3,7 +3,6 @@
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
-#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -13,6 +12,7 @@
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
+#include "talus/step/solids.hpp"
 
 #include <algorithm>
 #include <compare>
@@ -57,10 +57,11 @@ class LastImpulses {
 };
 
 /// Contacts of the nodes that carry cones with frictional faces and obstacles, block by block.
-/// node_rank: place of a node in the order of the blocks, #nodes. Throws std::invalid_argument if
-/// an obstacle gives what is no contact (see check_contact).
+/// solids: with what each cone sees; node_rank: place of a node in the order of the blocks, #nodes.
+/// Throws std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
-void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
+void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& solids,
+                      const std::vector<std::size_t>& node_rank,
                       LastImpulses<Contact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.contacts.clear();
@@ -88,30 +89,27 @@ void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size
       });
       if (!(inverse_mass.maxCoeff() > 0))
         continue;
-      for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
-        const Vec<Dim> x = grid.node_position(index);
-        const auto held = bounds.obstacles[o]->contact(x, grid.spacing(), bounds.time);
-        if (!held)
-          continue;
-        check_contact(o, x, *held);
+      solids.for_each_holding_obstacle(bounds, i, [&](const SolidAtCone<Dim>& seen) {
+        const std::size_t o = static_cast<std::size_t>(seen.solid);
+        check_contact(o, grid.node_position(index), seen.held);
         Contact<Dim> contact;
         contact.node = node;
         contact.source = bounds.obstacle_source(o);
-        contact.normal = held->normal;
-        contact.wall_velocity = held->velocity;
-        contact.friction = held->friction;
+        contact.normal = seen.held.normal;
+        contact.wall_velocity = seen.held.velocity;
+        contact.friction = seen.held.friction;
         add(contact);
-      }
+      });
     }
     block.contact_end = problem.contacts.size();
   }
 }
 
 /// Contacts of the free bodies with nodes that carry cones, and of their corners with faces.
-/// open_share: of a node's volume, #nodes: 1 far from all solids; time_step: s.
+/// solids: with what each cone sees; time_step: s.
 template <int Dim>
-void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
-                           const std::vector<double>& open_share, double time_step,
+void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
+                           const std::vector<std::size_t>& node_rank, double time_step,
                            LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.body_contacts.clear();
@@ -125,6 +123,8 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
     contact.inverse_mass = contact_inverse_mass(problem, contact);
     problem.body_contacts.push_back(contact);
   };
+  const auto& held = solids.sort_by_body(bounds);
+  auto next = held.begin();
   for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
     const Body<Dim>& body = bounds.bodies[b];
     const RigidState<Dim>& state = bounds.body_states[b];
@@ -132,17 +132,13 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
     contact.body = static_cast<int>(b);
     contact.source = bounds.body_source(b);
     contact.friction = body.friction;
-    for (const int node : problem.node) {
-      const std::size_t j = static_cast<std::size_t>(node);
-      if (open_share[j] == 1 || !(problem.inverse_mass[j].maxCoeff() > 0))
-        continue; // too far away, or it cannot move
-      const Vec<Dim> x = grid.node_position(node);
-      const NodeInSolid<Dim> seen = node_in_body(bounds, b, x);
-      if (!seen.contact)
-        continue;
+    for (; next != held.end() && next->body == b; ++next) {
+      const int node = problem.node[next->cone];
+      if (!(problem.inverse_mass[static_cast<std::size_t>(node)].maxCoeff() > 0))
+        continue; // it cannot move
       contact.node = node;
-      contact.normal = seen.normal;
-      contact.arm = minus<Dim>(x, state.position);
+      contact.normal = solids.entry(next->entry).held.normal;
+      contact.arm = minus<Dim>(grid.node_position(node), state.position);
       contact.impulse.setZero();
       add(contact);
     }
