@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 // A warm step takes no memory. In a program of its own, as it replaces operator new.
 
+#include "talus/boundary/body.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/rheology/viscosity.hpp"
@@ -34,6 +38,16 @@ std::size_t allocations_of_a_warm_step(int threads) {
       .viscosity = {.eta = 0.1}};
   params.friction_updates = 3;
   params.threads = threads;
+  RigidState<Dim> turning;
+  turning.position = 0.5 * params.grid.size;
+  turning.angular_velocity[0] = 1;
+  params.obstacles.push_back(make_obstacle<ShapeObstacle<Dim>>(
+      {.shape = shapes::Ball<Dim>(Vec<Dim>::Zero(), 0.1 * params.grid.size.minCoeff()),
+       .friction = 0.3,
+       .motion = steady_motion(turning)}));
+  params.bodies.push_back(ball_body<Dim>(Vec<Dim>(0.5 * params.grid.size),
+                                         2.5 * params.grid.size[0] / params.grid.cells[0], 1500,
+                                         0.3));
   Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 3}));
   for (int i = 0; i < 30; ++i)
     static_cast<void>(sim.step());

@@ -89,15 +89,18 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
       });
       if (!(inverse_mass.maxCoeff() > 0))
         continue;
-      solids.for_each_holding_obstacle(bounds, i, [&](const SolidAtCone<Dim>& seen) {
-        const std::size_t o = static_cast<std::size_t>(seen.solid);
-        check_contact(o, grid.node_position(index), seen.held);
+      solids.for_each_holding_obstacle(bounds, i, [&](std::size_t o) {
+        const Vec<Dim> x = grid.node_position(index);
+        const auto held = solids.at_obstacle(bounds, o, x).contact;
+        if (!held)
+          return; // it is no function of its arguments alone
+        check_contact(o, x, *held);
         Contact<Dim> contact;
         contact.node = node;
         contact.source = bounds.obstacle_source(o);
-        contact.normal = seen.held.normal;
-        contact.wall_velocity = seen.held.velocity;
-        contact.friction = seen.held.friction;
+        contact.normal = held->normal;
+        contact.wall_velocity = held->velocity;
+        contact.friction = held->friction;
         add(contact);
       });
     }
@@ -123,7 +126,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
     contact.inverse_mass = contact_inverse_mass(problem, contact);
     problem.body_contacts.push_back(contact);
   };
-  const auto& held = solids.sort_by_body(bounds);
+  const auto& held = solids.held_by_bodies(bounds);
   auto next = held.begin();
   for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
     const Body<Dim>& body = bounds.bodies[b];
@@ -132,13 +135,14 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
     contact.body = static_cast<int>(b);
     contact.source = bounds.body_source(b);
     contact.friction = body.friction;
-    for (; next != held.end() && next->body == b; ++next) {
-      const int node = problem.node[next->cone];
+    for (; next != held.end() && next->first == b; ++next) {
+      const int node = problem.node[next->second];
       if (!(problem.inverse_mass[static_cast<std::size_t>(node)].maxCoeff() > 0))
         continue; // it cannot move
+      const Vec<Dim> x = grid.node_position(node);
       contact.node = node;
-      contact.normal = solids.entry(next->entry).held.normal;
-      contact.arm = minus<Dim>(grid.node_position(node), state.position);
+      contact.normal = solids.in_body(bounds, b, x).normal;
+      contact.arm = minus<Dim>(x, state.position);
       contact.impulse.setZero();
       add(contact);
     }

@@ -13,31 +13,17 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <tuple>
+#include <utility>
 #include <vector>
 
 namespace talus {
 
-/// How the node of a cone sees a solid next to it.
-template <int Dim>
-struct SolidAtCone {
-  int solid = 0;             ///< obstacles first, then bodies
-  bool contact = false;      ///< it holds the material there
-  double open_share = 1;     ///< share of the node's volume that is outside of it
-  ObstacleContact<Dim> held; ///< where it holds; of a body the normal alone
-};
-
 /// The solids, obstacles and then bodies, at the nodes that carry cones. In a step: place() says
 /// where each is, find() lists what each cone may see by the boxes around the solids, look() asks
-/// the solids; all else reads the list. So a solid costs time where it is, and is asked once.
+/// those; all else reads the list. So a solid costs time where it is.
 template <int Dim>
 class SolidsAtCones {
  public:
-  using Entry = SolidAtCone<Dim>;
-  struct BodyAtCone {
-    std::size_t body, cone, entry;
-  };
-
   SolidsAtCones() = default;
   explicit SolidsAtCones(const Boundaries<Dim>& bounds) {
     far_ = 1e6 * bounds.grid.size().norm();
@@ -123,65 +109,66 @@ class SolidsAtCones {
   double look(const Boundaries<Dim>& bounds, std::size_t cone, const Vec<Dim>& x) {
     double share = 1;
     for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e) {
-      Entry& entry = entries_[e];
-      const std::size_t s = static_cast<std::size_t>(entry.solid);
-      const Vec<Dim>& spacing = bounds.grid.spacing();
+      const std::size_t s = static_cast<std::size_t>(entries_[e].solid);
       if (s < bounds.obstacles.size()) {
-        const ObstacleAtNode<Dim> seen =
-            bounds.obstacles[s]->at_node(x, spacing, bounds.time, frame_[s]);
+        const ObstacleAtNode<Dim> seen = at_obstacle(bounds, s, x);
         check_open_share<Dim>(s, x, seen.open_share);
-        entry.open_share = seen.open_share;
-        entry.contact = seen.contact.has_value();
-        if (seen.contact)
-          entry.held = *seen.contact;
+        entries_[e].holds = seen.contact.has_value();
+        share *= seen.open_share;
       } else {
-        const Body<Dim>& body = bounds.bodies[s - bounds.obstacles.size()];
-        const NodeInSolid<Dim> seen =
-            node_in_solid<Dim>(Placed<Dim>{body.shape, frame_[s]}, x, spacing);
-        entry.open_share = seen.open_share;
-        entry.contact = seen.contact;
-        entry.held.normal = seen.normal;
+        const NodeInSolid<Dim> seen = in_body(bounds, s - bounds.obstacles.size(), x);
+        entries_[e].holds = seen.contact;
+        share *= seen.open_share;
       }
-      share *= entry.open_share;
     }
     return std::max(share, 0.1);
   }
 
-  /// Calls visit(entry) for the obstacles that hold the node of a cone, by their number.
+  /// How obstacle o sees a node at x (m).
+  ObstacleAtNode<Dim> at_obstacle(const Boundaries<Dim>& bounds, std::size_t o,
+                                  const Vec<Dim>& x) const {
+    return bounds.obstacles[o]->at_node(x, bounds.grid.spacing(), bounds.time, frame_[o]);
+  }
+  /// How body b sees a node at x (m).
+  NodeInSolid<Dim> in_body(const Boundaries<Dim>& bounds, std::size_t b, const Vec<Dim>& x) const {
+    const Placed<Dim> body{bounds.bodies[b].shape, bounds.body_states[b]};
+    return node_in_solid<Dim>(body, x, bounds.grid.spacing());
+  }
+
+  /// Calls visit(obstacle) for those that hold the node of a cone, by their number.
   template <class Visit>
   void for_each_holding_obstacle(const Boundaries<Dim>& bounds, std::size_t cone,
                                  const Visit& visit) const {
     for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e)
-      if (const Entry& entry = entries_[e];
-          entry.contact && entry.solid < static_cast<int>(bounds.obstacles.size()))
-        visit(entry);
+      if (entries_[e].holds && entries_[e].solid < static_cast<int>(bounds.obstacles.size()))
+        visit(static_cast<std::size_t>(entries_[e].solid));
   }
 
-  /// The bodies that hold nodes of cones, by body, then cone.
-  const std::vector<BodyAtCone>& sort_by_body(const Boundaries<Dim>& bounds) {
+  /// The pairs of a body and a cone whose node it holds, by body, then cone.
+  const std::vector<std::pair<std::size_t, std::size_t>>&
+  held_by_bodies(const Boundaries<Dim>& bounds) {
     by_body_.clear();
-    const std::size_t obstacles = bounds.obstacles.size();
     for (std::size_t cone = 0; cone + 2 < begin_.size(); ++cone)
       for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e)
         if (const std::size_t s = static_cast<std::size_t>(entries_[e].solid);
-            s >= obstacles && entries_[e].contact)
-          by_body_.push_back({s - obstacles, cone, e});
-    std::sort(by_body_.begin(), by_body_.end(), [](const BodyAtCone& a, const BodyAtCone& b) {
-      return std::tie(a.body, a.cone) < std::tie(b.body, b.cone);
-    });
+            entries_[e].holds && s >= bounds.obstacles.size())
+          by_body_.emplace_back(s - bounds.obstacles.size(), cone);
+    std::sort(by_body_.begin(), by_body_.end());
     return by_body_;
   }
 
-  const Entry& entry(std::size_t number) const { return entries_[number]; }
-  const RigidState<Dim>& frame(std::size_t solid) const { return frame_[solid]; }
-
  private:
+  struct Entry {
+    int solid = 0;
+    bool holds = false; ///< the node: it is a contact
+  };
+
   double far_ = 0;                     ///< m
   std::vector<Vec<Dim>> half_box_;     ///< #solids, m
   std::vector<RigidState<Dim>> frame_; ///< #solids
   std::vector<std::size_t> begin_;     ///< of each cone's entries, #cones + 2
   std::vector<Entry> entries_;
-  std::vector<BodyAtCone> by_body_;
+  std::vector<std::pair<std::size_t, std::size_t>> by_body_;
 };
 
 } // namespace talus

@@ -40,8 +40,7 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
   for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
     solids.for_each_node_near(grid, o, [&](int node) {
       const Vec<Dim> x = grid.node_position(node);
-      const auto held =
-          bounds.obstacles[o]->at_node(x, grid.spacing(), bounds.time, solids.frame(o)).contact;
+      const auto held = solids.at_obstacle(bounds, o, x).contact;
       if (!held)
         return;
       check_contact(o, x, *held);
