@@ -60,6 +60,7 @@ std::vector<Shape<Dim>> some_shapes(Random& random) {
   const auto vector = [&](double size) { return random_vector<Dim>(random, size); };
   using shapes::Ball, shapes::Box, shapes::HalfSpace;
   const Vec<Dim> corner = vector(0.1).cwiseAbs() + Vec<Dim>::Constant(0.05);
+  const Vec<Dim> rod = Vec<Dim>::Constant(0.02) + 0.8 * Vec<Dim>::Unit(0);
   const Ball<Dim> ball(vector(0.1), 0.1);
   const HalfSpace<Dim> half(vector(0.1), vector(1).normalized());
   return {ball,
@@ -71,6 +72,7 @@ std::vector<Shape<Dim>> some_shapes(Random& random) {
           shapes::Complement(Ball<Dim>(vector(0.1), 0.4)),
           shapes::difference(Box<Dim>(-corner, corner), ball),
           Box<Dim>(Vec<Dim>::Zero(), 1e-3 * Vec<Dim>::Ones() + 0.2 * Vec<Dim>::Unit(0)),
+          Box<Dim>(-rod, rod),
           Steep<Dim>{}};
 }
 
