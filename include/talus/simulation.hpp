@@ -28,6 +28,7 @@
 #include "talus/step/free_bodies.hpp"
 #include "talus/step/friction.hpp"
 #include "talus/step/report.hpp"
+#include "talus/step/solids.hpp"
 #include "talus/step/state.hpp"
 #include "talus/step/time_step.hpp"
 #include "talus/step/wrenches.hpp"
@@ -128,6 +129,7 @@ class Simulation {
     check_particles(particles_, grid_);
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes());
     problem_.bodies.resize(bodies_.state.size());
+    solids_ = SolidsAtCones<Dim>(boundaries());
 
     const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
     material_volume_.assign(nodes, 0);
@@ -166,6 +168,7 @@ class Simulation {
     require_whole();
     Attempt attempt(*this);
     particles_to_grid();
+    solids_.place(boundaries());
     choose_time_step();
     report.time_step = time_step_;
     const auto t1 = Clock::now();
@@ -180,8 +183,8 @@ class Simulation {
     hold_at_faces(params_.faces, node_order_.nodes(), execution_, problem_);
     problem_.periodic.copy(problem_.velocity, execution_);
     problem_.periodic.copy(problem_.inverse_mass, execution_);
-    collect_contacts(boundaries(), node_rank_, {last_.contacts, ratio}, problem_);
-    collect_body_contacts(boundaries(), node_rank_, open_share_, time_step_,
+    collect_contacts(boundaries(), solids_, node_rank_, {last_.contacts, ratio}, problem_);
+    collect_body_contacts(boundaries(), solids_, node_rank_, time_step_,
                           {last_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
@@ -457,8 +460,8 @@ class Simulation {
   void choose_time_step() {
     time_step_ = params_.cfl == 0 ? params_.time_step
                                   : cfl_time_step(params_.cfl, params_.time_step, boundaries(),
-                                                  node_order_.nodes(), velocity_before_, bodies_,
-                                                  params_.gravity);
+                                                  solids_, node_order_.nodes(), velocity_before_,
+                                                  bodies_, params_.gravity);
   }
 
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
@@ -486,13 +489,16 @@ class Simulation {
     problem_.friction.resize(cones);
     problem_.volume.resize(cones);
     problem_.stress.resize(cones);
+    for_each_cone([&](std::size_t i) {
+      node_cone_[static_cast<std::size_t>(problem_.node[i])] = static_cast<int>(i);
+    });
+    solids_.find(grid_, node_cone_, cones);
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio); });
     problem_.periodic.copy(node_cone_, execution_);
   }
 
   void fill_cone(std::size_t i, double ratio) {
     const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
-    node_cone_[j] = static_cast<int>(i);
     const Index<Dim> index = grid_.node_index(problem_.node[i]);
     Coupling<Dim>& g = problem_.coupling[i];
     g.setZero();
@@ -505,7 +511,7 @@ class Simulation {
       first_moment += corner_first_moment(m, corner);
     });
     fold_neighbours(index, g);
-    open_share_[j] = open_share(boundaries(), grid_.node_position(index));
+    open_share_[j] = solids_.look(boundaries(), i, grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = ratio * node_stress_[j];
     problem_.void_rate[i] =
@@ -703,6 +709,7 @@ class Simulation {
   std::vector<std::size_t> node_rank_; ///< place of a node in node_order_
   ParticleData particles_;
   FreeBodies<Dim> bodies_;
+  SolidsAtCones<Dim> solids_;
   double time_ = 0;
   std::size_t steps_ = 0;
   double time_step_ = 0; ///< δt of this step, s

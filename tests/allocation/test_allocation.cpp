@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: MIT
 // A warm step takes no memory. In a program of its own, as it replaces operator new.
 
+#include "talus/boundary/body.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/rheology/viscosity.hpp"
@@ -34,6 +38,19 @@ std::size_t allocations_of_a_warm_step(int threads) {
       .viscosity = {.eta = 0.1}};
   params.friction_updates = 3;
   params.threads = threads;
+  // a roller and a ball in the bed
+  const double radius = 1.2 * Grid<Dim>(params.grid).spacing().minCoeff();
+  RigidState<Dim> turning;
+  turning.position = 0.5 * params.grid.size;
+  turning.position[up_axis<Dim>] = radius;
+  turning.angular_velocity[0] = 1;
+  params.obstacles.push_back(
+      make_obstacle<ShapeObstacle<Dim>>({.shape = shapes::Ball<Dim>(Vec<Dim>::Zero(), radius),
+                                         .friction = 0.3,
+                                         .motion = steady_motion(turning)}));
+  Vec<Dim> centre = turning.position;
+  centre[0] *= 0.2;
+  params.bodies.push_back(ball_body<Dim>(centre, radius, 1500, 0.3));
   Sim sim(params, setup.particles<Dim>(Grid<Dim>(params.grid), {.per_axis = 3}));
   for (int i = 0; i < 30; ++i)
     static_cast<void>(sim.step());

@@ -261,6 +261,25 @@ TEST_CASE("a sampled mesh has the distances of the solid") {
   CHECK((surface_normal<3>(ball, Vec<3>(0.3, 0.4, 0), 1e-3) - Vec<3>(0.6, 0.8, 0)).norm() < 0.05);
 }
 
+TEST_CASE("a mesh of 2e4 triangles on 1e5 nodes: what is far away takes no time") {
+  // 2e9 pairs: a minute without a tree
+  const double r = 0.5, spacing = 0.025;
+  const TriangleMesh mesh = ball_mesh(r, 71);
+  REQUIRE(mesh.size() > 19800);
+  const shapes::SampledMesh ball(mesh, spacing);
+  const double flat = r * (1 - std::cos(std::numbers::pi / 142) * std::cos(std::numbers::pi / 142));
+  Random random(7);
+  for (int n = 0; n < 5000; ++n) {
+    Vec<3> x;
+    for (int a = 0; a < 3; ++a)
+      x[a] = 1.1 * random.uniform() - 0.55;
+    const double exact = x.norm() - r;
+    // the mesh is within the ball; a trilinear field of |x| is above it by at most 3/8 h²/|x|
+    CHECK(ball.distance(x) > exact - 1e-12);
+    CHECK(ball.distance(x) < exact + flat + std::min(spacing, spacing * spacing / (4 * x.norm())));
+  }
+}
+
 TEST_CASE("meshes that enclose nothing are refused") {
   TriangleMesh open = box_mesh({0, 0, 0}, {1, 1, 1});
   open.pop_back();

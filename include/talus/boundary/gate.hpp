@@ -3,6 +3,7 @@
 
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -74,6 +75,18 @@ class Gate final : public Obstacle<Dim> {
   bool done(double time, double top) const {
     return params_.motion.stopped(time) ||
            (time > params_.motion.opening_time && bottom(time) >= top);
+  }
+
+  /// A slice of the channel.
+  RigidState<Dim> frame(double /*time*/) const override {
+    RigidState<Dim> frame;
+    frame.position[0] = params_.position;
+    return frame;
+  }
+  Vec<Dim> half_box(double far) const override {
+    Vec<Dim> half = Obstacle<Dim>::half_box(far);
+    half[0] = params_.thickness;
+    return half;
   }
 
   std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,

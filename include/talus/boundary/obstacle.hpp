@@ -2,10 +2,12 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,9 +23,17 @@ struct ObstacleContact {
   double friction;   ///< μ ≥ 0
 };
 
+/// How a node sees an obstacle.
+template <int Dim>
+struct ObstacleAtNode {
+  double open_share = 1; ///< see Obstacle::open_share
+  std::optional<ObstacleContact<Dim>> contact;
+};
+
 /// A rigid thing in the box whose motion is a given function of time. Nodes on or in it become
 /// Coulomb contacts, solved together with the stresses. Derive from it for obstacles of your own:
-/// what they give is checked, and what they throw arrives at the caller of step().
+/// what they give is checked, and what they throw arrives at the caller of step(). contact() is all
+/// that must be given. All functions may be called from several threads.
 template <int Dim>
 class Obstacle {
  public:
@@ -37,10 +47,29 @@ class Obstacle {
 
   /// Share of the volume of the node at x that is outside of the obstacle, in [0, 1]. Without it
   /// material that fills the rest of a node's volume counts as loose, and settles by up to half a
-  /// cell on the obstacle. Called from several threads.
+  /// cell on the obstacle.
   virtual double open_share(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/,
                             double /*time*/) const {
     return 1;
+  }
+
+  // What saves time. A step asks for the frame once, and for the rest at nodes next to the box.
+
+  /// Where the obstacle's own frame is at `time` (s), and how it moves. Not given: at rest in that
+  /// of the grid.
+  virtual RigidState<Dim> frame(double /*time*/) const { return {}; }
+
+  /// Half the edges (m) of a box about the origin of that frame: nodes that are 2 Σ_a h_a or more
+  /// outside of it along one of its axes are not asked. Infinite: it has no end that way. far: of
+  /// the order of 1e6 times the grid, m, for half_box of a shape.
+  virtual Vec<Dim> half_box(double /*far*/) const {
+    return Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
+  }
+
+  /// contact() and open_share() at once: what a step calls. frame: that at `time`.
+  virtual ObstacleAtNode<Dim> at_node(const Vec<Dim>& x, const Vec<Dim>& spacing, double time,
+                                      const RigidState<Dim>& /*frame*/) const {
+    return {open_share(x, spacing, time), contact(x, spacing, time)};
   }
 };
 

@@ -45,23 +45,26 @@ class ShapeObstacle final : public Obstacle<Dim> {
 
   std::optional<ObstacleContact<Dim>> contact(const Vec<Dim>& x, const Vec<Dim>& spacing,
                                               double time) const override {
-    const RigidState<Dim> now = state(time);
-    const NodeInSolid<Dim> node = look(now, x, spacing);
-    if (!node.contact)
-      return std::nullopt;
-    return ObstacleContact<Dim>{node.normal, now.velocity_at(x), params_.friction};
+    return at_node(x, spacing, time, state(time)).contact;
   }
 
   double open_share(const Vec<Dim>& x, const Vec<Dim>& spacing, double time) const override {
-    return look(state(time), x, spacing).open_share;
+    return at_node(x, spacing, time, state(time)).open_share;
+  }
+
+  RigidState<Dim> frame(double time) const override { return state(time); }
+  Vec<Dim> half_box(double far) const override { return talus::half_box<Dim>(params_.shape, far); }
+
+  ObstacleAtNode<Dim> at_node(const Vec<Dim>& x, const Vec<Dim>& spacing, double /*time*/,
+                              const RigidState<Dim>& frame) const override {
+    const NodeInSolid<Dim> node = node_in_solid<Dim>(Placed<Dim>{params_.shape, frame}, x, spacing);
+    ObstacleAtNode<Dim> seen{node.open_share, std::nullopt};
+    if (node.contact)
+      seen.contact = {node.normal, frame.velocity_at(x), params_.friction};
+    return seen;
   }
 
  private:
-  NodeInSolid<Dim> look(const RigidState<Dim>& now, const Vec<Dim>& x,
-                        const Vec<Dim>& spacing) const {
-    return node_in_solid<Dim>(Placed<Dim>{params_.shape, now}, x, spacing);
-  }
-
   Params params_;
 };
 

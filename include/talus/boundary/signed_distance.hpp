@@ -6,6 +6,7 @@
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <concepts>
 #include <functional>
@@ -63,6 +64,25 @@ struct Placed {
   const RigidState<Dim>& state;
   double distance(const Vec<Dim>& x) const { return shape.distance(state.in_body(x)); }
 };
+
+/// Half the edges (m) of a box about the origin that holds the solid, from its distances at ± far
+/// (m) along each axis, where a sphere of that distance is nearly a plane: for whatever has no
+/// slope above 1, distance(x) ≥ |x_a| − half_box_a − |x|²/(2 far). Of the order of `far` where the
+/// solid has no end; infinite if it tells by more than 1 in slope, or by infinity, that it is no
+/// distance out there.
+template <int Dim, SignedDistance<Dim> S>
+Vec<Dim> half_box(const S& solid, double far) {
+  const double at_origin = std::abs(distance_to<Dim>(solid, Vec<Dim>::Zero()));
+  Vec<Dim> half = Vec<Dim>::Zero();
+  for (int a = 0; a < Dim; ++a)
+    for (const double side : {-far, far}) {
+      const double distance = distance_to<Dim>(solid, scaled<Dim>(side, Vec<Dim>::Unit(a)));
+      if (distance > (1 + 1e-9) * far + at_origin)
+        return Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
+      half[a] = std::max(half[a], far - distance);
+    }
+  return half;
+}
 
 /// The outward unit normal of the level set of `solid` through x (m), by central differences over
 /// ± step (m). Where they cancel, in the middle of a plate, one-sided ones choose a side; never

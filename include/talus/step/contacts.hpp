@@ -3,7 +3,6 @@
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
-#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -13,6 +12,7 @@
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
+#include "talus/step/solids.hpp"
 
 #include <algorithm>
 #include <compare>
@@ -57,10 +57,11 @@ class LastImpulses {
 };
 
 /// Contacts of the nodes that carry cones with frictional faces and obstacles, block by block.
-/// node_rank: place of a node in the order of the blocks, #nodes. Throws std::invalid_argument if
-/// an obstacle gives what is no contact (see check_contact).
+/// solids: with what each cone sees; node_rank: place of a node in the order of the blocks, #nodes.
+/// Throws std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
-void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
+void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& solids,
+                      const std::vector<std::size_t>& node_rank,
                       LastImpulses<Contact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.contacts.clear();
@@ -88,11 +89,11 @@ void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size
       });
       if (!(inverse_mass.maxCoeff() > 0))
         continue;
-      for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
+      solids.for_each_holding_obstacle(bounds, i, [&](std::size_t o) {
         const Vec<Dim> x = grid.node_position(index);
-        const auto held = bounds.obstacles[o]->contact(x, grid.spacing(), bounds.time);
+        const auto held = solids.at_obstacle(bounds, o, x).contact;
         if (!held)
-          continue;
+          return; // it is no function of its arguments alone
         check_contact(o, x, *held);
         Contact<Dim> contact;
         contact.node = node;
@@ -101,17 +102,17 @@ void collect_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size
         contact.wall_velocity = held->velocity;
         contact.friction = held->friction;
         add(contact);
-      }
+      });
     }
     block.contact_end = problem.contacts.size();
   }
 }
 
 /// Contacts of the free bodies with nodes that carry cones, and of their corners with faces.
-/// open_share: of a node's volume, #nodes: 1 far from all solids; time_step: s.
+/// solids: with what each cone sees; time_step: s.
 template <int Dim>
-void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std::size_t>& node_rank,
-                           const std::vector<double>& open_share, double time_step,
+void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
+                           const std::vector<std::size_t>& node_rank, double time_step,
                            LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.body_contacts.clear();
@@ -125,6 +126,8 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
     contact.inverse_mass = contact_inverse_mass(problem, contact);
     problem.body_contacts.push_back(contact);
   };
+  const auto& held = solids.held_by_bodies(bounds);
+  auto next = held.begin();
   for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
     const Body<Dim>& body = bounds.bodies[b];
     const RigidState<Dim>& state = bounds.body_states[b];
@@ -132,16 +135,13 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, const std::vector<std:
     contact.body = static_cast<int>(b);
     contact.source = bounds.body_source(b);
     contact.friction = body.friction;
-    for (const int node : problem.node) {
-      const std::size_t j = static_cast<std::size_t>(node);
-      if (open_share[j] == 1 || !(problem.inverse_mass[j].maxCoeff() > 0))
-        continue; // too far away, or it cannot move
+    for (; next != held.end() && next->first == b; ++next) {
+      const int node = problem.node[next->second];
+      if (!(problem.inverse_mass[static_cast<std::size_t>(node)].maxCoeff() > 0))
+        continue; // it cannot move
       const Vec<Dim> x = grid.node_position(node);
-      const NodeInSolid<Dim> seen = node_in_body(bounds, b, x);
-      if (!seen.contact)
-        continue;
       contact.node = node;
-      contact.normal = seen.normal;
+      contact.normal = solids.in_body(bounds, b, x).normal;
       contact.arm = minus<Dim>(x, state.position);
       contact.impulse.setZero();
       add(contact);

@@ -7,6 +7,7 @@
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
+#include "talus/step/solids.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -20,13 +21,14 @@ namespace talus {
 /// for obstacles |v_a|/h_a over the nodes that they hold, whether there is material yet or not, so
 /// that they don't jump into it. A body outside of the box may go on until it has come back by that
 /// share of a cell; an obstacle outside has no influence.
-/// cfl: largest share of a cell to cross in a step, > 0; largest: δt_max, s; nodes: those of the
-/// box; velocity: u*, #nodes of the grid, m/s; gravity: m/s². Throws std::invalid_argument if an
-/// obstacle gives what is no contact (see check_contact).
+/// cfl: largest share of a cell to cross in a step, > 0; largest: δt_max, s; solids: where
+/// they are; nodes: those of the box; velocity: u*, #nodes of the grid, m/s; gravity: m/s². Throws
+/// std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
 double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
-                     const std::vector<int>& nodes, const std::vector<NodeVec<Dim>>& velocity,
-                     const FreeBodies<Dim>& bodies, const Vec<Dim>& gravity) {
+                     const SolidsAtCones<Dim>& solids, const std::vector<int>& nodes,
+                     const std::vector<NodeVec<Dim>>& velocity, const FreeBodies<Dim>& bodies,
+                     const Vec<Dim>& gravity) {
   const Grid<Dim>& grid = bounds.grid;
   double rate = cfl / largest; // cells a second
   for (const int node : nodes)
@@ -36,15 +38,15 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
       rate = std::max(rate, speed * grid.inverse_spacing()[a]);
     }
   for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
-    for (const int node : nodes) {
-      const Vec<Dim> x = grid.node_position(grid.node_index(node));
-      const auto held = bounds.obstacles[o]->contact(x, grid.spacing(), bounds.time);
+    solids.for_each_node_near(grid, o, [&](int node) {
+      const Vec<Dim> x = grid.node_position(node);
+      const auto held = solids.at_obstacle(bounds, o, x).contact;
       if (!held)
-        continue;
+        return;
       check_contact(o, x, *held);
       for (int a = 0; a < Dim; ++a)
         rate = std::max(rate, std::abs(held->velocity[a]) * grid.inverse_spacing()[a]);
-    }
+    });
   for (std::size_t b = 0; b < bodies.state.size(); ++b) {
     double of_body = 0, to_box = std::numeric_limits<double>::infinity();
     for (int a = 0; a < Dim; ++a) {
