@@ -97,10 +97,14 @@ Case load_case(const Options& options) {
   setup.wall_friction = options.wall_friction.value_or(run.material.mu_wall);
   setup.gate_friction = options.gate_friction.value_or(setup.wall_friction);
   if (options.preset == "repository") {
-    // The authors' scripts: walls act sqrt(3/2) μ_w in 3-D, the end wall sticks, the gate opens
-    // after the material has settled.
-    if (options.dimension == 3)
+    // The authors' scripts: the side walls are rigid, one cell thick, walls and gate act with
+    // sqrt(3/2) of their friction in 3-D, the end wall sticks, the gate opens after the material
+    // has settled.
+    if (options.dimension == 3) {
+      setup.side_wall_cells = 1;
       setup.wall_friction *= std::sqrt(1.5);
+      setup.gate_friction *= std::sqrt(1.5);
+    }
     setup.downstream_sticks = true;
     setup.gate.opening_time = 0.2;
     if (material.has("repository")) {
@@ -118,10 +122,11 @@ class Measurement {
  public:
   template <class Sim>
   void sample(const Sim& sim, const talus::CollapseSetup& setup) {
-    const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
+    const talus::Profile profile =
+        talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
     front = talus::front_position(profile, setup.bed_depth + threshold_height);
     height_wall = profile.height.front() - setup.bed_depth;
-    volume = talus::volume_under_surface(sim);
+    volume = talus::volume_under_surface(sim, setup.side_wall_cells);
   }
   double front = 0, height_wall = 0, volume = 0;
 };
@@ -166,6 +171,8 @@ int run(const Options& options, const Case& collapse) {
   const auto gate = setup.make_gate<Dim>();
   if (!options.no_gate)
     params.obstacles.push_back(gate);
+  for (const auto& wall : setup.make_side_walls<Dim>())
+    params.obstacles.push_back(wall);
   params.rheology = support::rheology_params(options.policies, collapse.material, options.friction,
                                              options.preset == "repository");
   params.friction_updates = options.friction_updates;
@@ -235,6 +242,7 @@ int run(const Options& options, const Case& collapse) {
   support::RunOptions run_options = options.run;
   run_options.time_zero = setup.gate.opening_time;
   run_options.end_time = options.end_time.value_or(options.max_time);
+  run_options.section_row = setup.side_wall_cells;
   support::Run run(sim, "collapse", run_options, inputs, "collapse " + options.case_name);
   if (run.finished())
     return 0;
@@ -244,7 +252,8 @@ int run(const Options& options, const Case& collapse) {
   talus::CsvWriter& profiles =
       run.table("profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
   run.on_snapshot = [&](double time) {
-    const talus::Profile profile = talus::measure_profile(sim, 0, threshold_speed);
+    const talus::Profile profile =
+        talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
     for (std::size_t i = 0; i < profile.x.size(); ++i)
       profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
   };
@@ -308,7 +317,8 @@ int run(const Options& options, const Case& collapse) {
                    {"material_volume", material_volume},
                    {"end_time_s", run.time()}};
   // The front may be thinner than a cell: how far the run-out hangs on the threshold.
-  const talus::Profile deposit = talus::measure_profile(sim, 0, threshold_speed);
+  const talus::Profile deposit =
+      talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
   const auto measure_above = [&](const std::string& name, double height) {
     measured["runout_by_threshold_m"][name] =
         talus::front_position(deposit, setup.bed_depth + height) - setup.column_length;

@@ -7,6 +7,7 @@
 #include "talus/boundary/gate.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/profile.hpp"
+#include "talus/diagnostics/totals.hpp"
 #include "talus/scene/collapse.hpp"
 
 #include <doctest/doctest.h>
@@ -343,6 +344,25 @@ TEST_CASE("3-D without side friction is 2-D") {
   const Profile a = measure_profile(flat), b = measure_profile(deep);
   for (std::size_t i = 0; i < a.x.size(); ++i)
     CHECK(std::abs(a.height[i] - b.height[i]) < 0.005); // half a cell
+}
+
+TEST_CASE("rigid side walls hold a collapse as the box's faces do") {
+  CollapseSetup setup = small_collapse();
+  auto faces = make_collapse<3>(setup);
+  setup.side_wall_cells = 2;
+  auto walls = make_collapse<3>(setup);
+  CHECK(walls.grid().cells(1) == faces.grid().cells(1) + 4);
+  CHECK(walls.particles().size() == faces.particles().size());
+  while (faces.time() < 0.25) {
+    CHECK(faces.step().completed());
+    CHECK(walls.step().completed());
+  }
+  for (const Vec<3>& x : walls.particles().position)
+    CHECK(std::abs(x[1] - 0.02) < 0.0201);
+  const Vec<3> there = centre_of_mass(faces.particles()), here = centre_of_mass(walls.particles());
+  CHECK((here - there).norm() < 0.003);
+  CHECK(volume_under_surface(walls, 2) ==
+        doctest::Approx(volume_under_surface(faces)).epsilon(0.02));
 }
 
 TEST_CASE("material that passes a free face leaves, and is counted") {

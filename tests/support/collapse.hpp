@@ -35,6 +35,8 @@ typename Sim::Params collapse_params(const talus::CollapseSetup& setup, const ta
   if constexpr (requires { params.rheology.mu; })
     params.rheology.mu = 0.44;
   params.obstacles.push_back(setup.make_gate<dim>());
+  for (const auto& wall : setup.make_side_walls<dim>())
+    params.obstacles.push_back(wall);
   return params;
 }
 

@@ -134,16 +134,17 @@ inline double area_under(const Profile& profile) {
   return area;
 }
 
-/// Volume between the base and the surface over the whole width: m³ in 3-D, m² in 2-D.
+/// Volume between the base and the surface: m³ in 3-D, m² in 2-D. margin: rows of cells at each
+/// side that are left out, as solid side walls are (2-D: ignored).
 template <class Flow>
-double volume_under_surface(const Flow& flow) {
+double volume_under_surface(const Flow& flow, int margin = 0) {
   if constexpr (Flow::dimension == 2) {
     return area_under(measure_profile(flow));
   } else {
-    const int rows = flow.grid().cells(1);
+    const int last = flow.grid().cells(1) - margin;
     double volume = 0;
-    for (int row = 0; row <= rows; ++row)
-      volume += area_under(measure_profile(flow, row)) * (row == 0 || row == rows ? 0.5 : 1.0);
+    for (int row = margin; row <= last; ++row)
+      volume += area_under(measure_profile(flow, row)) * (row == margin || row == last ? 0.5 : 1.0);
     return volume * flow.grid().spacing()[1];
   }
 }

@@ -4,6 +4,8 @@
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/gate.hpp"
 #include "talus/boundary/obstacle.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -15,6 +17,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <vector>
 
 namespace talus {
 
@@ -28,6 +31,8 @@ struct CollapseSetup {
   double length = 0, width = 0, height = 0; ///< of the channel, m; the width is ignored in 2-D
   double wall_friction = not_given;         ///< μ_w of upstream, downstream and side walls
   bool downstream_sticks = false;           ///< the downstream wall sticks instead
+  int side_wall_cells = 0;                  ///< of rigid side walls outside of the width, 3-D; 0:
+                                            ///< the faces of the box are the side walls
   double gate_friction = not_given;         ///< μ_D
   double gate_thickness = 0;                ///< m; 0: as thin as the grid resolves
   GateMotion gate{};
@@ -46,6 +51,8 @@ struct CollapseSetup {
     require_given_non_negative("wall_friction", wall_friction);
     require_given_non_negative("gate_friction", gate_friction);
     require_non_negative("gravity", gravity);
+    if (side_wall_cells < 0)
+      throw_invalid("side_wall_cells", side_wall_cells, "an integer >= 0");
     if (!(column_length < length))
       throw_invalid("column_length", column_length, "less than the channel's length");
     if (!(column_height + bed_depth <= height))
@@ -63,8 +70,8 @@ struct CollapseSetup {
     return g;
   }
 
-  /// The channel in cells of about the given size. cell: edge lengths along the channel, across and
-  /// up, m.
+  /// The channel in cells of about the given size, and rigid side walls in more of them. cell: edge
+  /// lengths along the channel, across and up, m.
   template <int Dim>
   GridParams<Dim> grid(const Vec<3>& cell) const {
     const Vec<3> channel(length, width, height);
@@ -79,17 +86,24 @@ struct CollapseSetup {
       params.size[a] = channel[from];
       params.cells[a] = std::max(1, static_cast<int>(std::lround(channel[from] / cell[from])));
     }
+    if constexpr (Dim == 3) {
+      const double thickness = side_wall_cells * width / params.cells[1];
+      params.origin[1] -= thickness;
+      params.size[1] += 2 * thickness;
+      params.cells[1] += 2 * side_wall_cells;
+    }
     return params;
   }
 
-  /// Floor: stick. Upstream and side walls: frictional. Top: open.
+  /// Floor: stick. Upstream and side walls: frictional (outside of rigid side walls: slip). Top:
+  /// open.
   template <int Dim>
   Faces<Dim> faces() const {
     constexpr std::size_t up = up_axis<Dim>;
     const Face wall{FaceKind::frictional, wall_friction};
     Faces<Dim> faces;
     for (std::size_t a = 0; a < up; ++a)
-      faces.lower[a] = faces.upper[a] = wall;
+      faces.lower[a] = faces.upper[a] = a == 1 && side_wall_cells > 0 ? Face{FaceKind::slip} : wall;
     if (downstream_sticks)
       faces.upper[0] = {FaceKind::stick};
     faces.lower[up] = {FaceKind::stick};
@@ -106,14 +120,32 @@ struct CollapseSetup {
                                      .motion = gate});
   }
 
+  /// The rigid side walls; none if side_wall_cells is 0, and in 2-D.
+  template <int Dim>
+  std::vector<std::shared_ptr<const Obstacle<Dim>>> make_side_walls() const {
+    std::vector<std::shared_ptr<const Obstacle<Dim>>> walls;
+    if constexpr (Dim == 3)
+      if (side_wall_cells > 0)
+        for (const double y : {0.0, width})
+          walls.push_back(make_obstacle<ShapeObstacle<3>>(
+              {.shape = shapes::HalfSpace<3>({0, y, 0}, {0, y > 0 ? -1.0 : 1.0, 0}),
+               .friction = wall_friction}));
+    return walls;
+  }
+
   /// Bed and column.
   template <int Dim, class Real = double>
   Particles<Dim, Real> particles(const Grid<Dim>& channel, const Seeding& seeding) const {
     constexpr int up = up_axis<Dim>;
     Particles<Dim, Real> particles;
-    if (bed_depth > 0)
-      fill_bed(particles, channel, bed_depth, seeding);
     Vec<Dim> lower = channel.origin(), upper = channel.upper();
+    if (Dim == 3 && side_wall_cells > 0) {
+      lower[1] = 0;
+      upper[1] = width;
+    }
+    upper[up] = lower[up] + bed_depth;
+    if (bed_depth > 0)
+      fill_box(particles, channel, lower, upper, seeding);
     lower[up] += bed_depth;
     upper[up] = lower[up] + column_height;
     upper[0] = lower[0] + column_length;
