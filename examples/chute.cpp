@@ -64,7 +64,7 @@ std::vector<double> profile(const Sim<Dim>& sim, int rows) {
 } // namespace
 
 int main(int argc, char** argv) {
-  double angle = 26, depth = 0.03, width = 0.04, diameter = 5.3e-4, packing = 0.6;
+  double angle = 26, depth = 0.03, width = 0.04, length = 1, diameter = 5.3e-4, packing = 0.6;
   double mu_static = 0.38, mu_limit = 0.64, I_0 = 0.279;
   support::Scene scene("chute", "Steady flow down a rough incline without end, friction mu(I).");
   scene.cell = 0.0025;
@@ -74,6 +74,7 @@ int main(int argc, char** argv) {
   scene.option("--angle", angle, "angle_deg", "Of the incline, degrees");
   scene.option("--depth", depth, "depth_m", "Of the layer, m");
   scene.option("--width", width, "width_m", "Between the side walls, m; 3-D");
+  scene.option("--length", length, "length_cells", "Of the box, cells");
   scene.option("--grain-diameter", diameter, "grain_diameter_m", "m");
   scene.option("--grain-share", packing, "grain_volume_fraction", "Of the grains in the medium");
   scene.option("--mu-static", mu_static, "mu_static", "mu(I) at I = 0");
@@ -84,11 +85,13 @@ int main(int argc, char** argv) {
     const double slope = angle * std::numbers::pi / 180;
     talus::require_positive("--depth", depth);
     talus::require_positive("--grain-share", packing);
+    if (!(length >= 1))
+      talus::throw_invalid("--length", length, "a number >= 1");
     if (!(std::tan(slope) > mu_static && std::tan(slope) < mu_limit))
       talus::throw_invalid("--angle", angle,
                            "between atan(--mu-static) and atan(--mu-limit): else nothing flows, or "
                            "nothing is steady");
-    auto params = scene.box<dim, Sim<dim>>({4 * scene.cell, width, depth + 2 * scene.cell});
+    auto params = scene.box<dim, Sim<dim>>({length * scene.cell, width, depth + 2 * scene.cell});
     params.faces.lower[0] = params.faces.upper[0] = {talus::FaceKind::periodic};
     params.gravity = 9.81 * (std::sin(slope) * talus::Vec<dim>::Unit(0) -
                              std::cos(slope) * talus::Vec<dim>::Unit(up));

@@ -42,6 +42,9 @@ class Picture:
                                ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"])
             times = choose_times(np.unique(table["time_s"]), None, 4)
             self.images = [(t, section_image(at_time(table, t))) for t in times]
+            _, (x, z, _) = self.images[0]
+            if z[-1] - z[0] > 8 * (x[-1] - x[0]):  # a column one cell wide shows nothing
+                self.images = []
 
     def axes(self, left, top, width, height):
         return self.figure.add_axes([left / WIDTH, 1 - (top + height) / self.height,
