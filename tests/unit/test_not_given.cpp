@@ -80,7 +80,8 @@ void check_scene() {
     CHECK(without<Dim>([a](auto& params, const auto& fresh) {
             params.faces.lower[a] = fresh.faces.lower[a];
           }) == "faces.lower." + std::string(1, axes[a]) +
-                    " is not given; allowed: FaceKind::stick, slip, free or frictional; it has no "
+                    " is not given; allowed: FaceKind::stick, slip, free, frictional or periodic; "
+                    "it has no "
                     "default");
     CHECK(without<Dim>([a](auto& params, const auto&) {
             params.faces.upper[a] = {};
