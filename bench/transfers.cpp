@@ -92,7 +92,8 @@ template <int Dim, class Transfer>
 void to_cells(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
   for (auto _ : state)
-    all_cell_moments<Transfer::field>(cloud.particles, cloud.order, cloud.grid, Execution(), cloud.moments);
+    all_cell_moments<Transfer::field>(cloud.particles, cloud.order, cloud.grid, Execution(),
+                                      cloud.moments);
   cloud.count(state);
 }
 

@@ -73,7 +73,8 @@ void read_problem(std::string_view bytes) {
     talus::DualProblem<Dim> problem =
         talus::read_problem<Dim>(fuzz::write_sealed("problem", bytes));
     typename talus::GaussSeidel<>::Workspace<Dim> workspace;
-    const auto report = talus::GaussSeidel<>({.max_sweeps = 3}).solve(problem, workspace, talus::Execution());
+    const auto report =
+        talus::GaussSeidel<>({.max_sweeps = 3}).solve(problem, workspace, talus::Execution());
     expect(report.iterations <= 3);
   } catch (const std::runtime_error& error) {
     expect(std::string_view(error.what()).find("cannot read") == 0);
