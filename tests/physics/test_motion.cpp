@@ -440,6 +440,9 @@ TEST_CASE("wrong input is refused by name and value") {
   CollapseSetup setup = small_collapse();
   setup.column_length = 1;
   CHECK_THROWS_AS(setup.validate(), std::invalid_argument);
+  setup = small_collapse();
+  setup.side_wall_cells = -1;
+  CHECK_THROWS_AS(setup.validate(), std::invalid_argument);
   CHECK_THROWS_AS(Gate<2>({.friction = -1}), std::invalid_argument);
   CHECK_THROWS_AS(MuOfI({}), std::invalid_argument); // no grain diameter
 }
