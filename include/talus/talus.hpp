@@ -2,13 +2,13 @@
 #pragma once
 
 /// \file
-/// Everything, for users. The library's own headers never include it.
+/// What users need, all but meshes (talus/boundary/mesh_distance.hpp), which are slow to compile, and
+/// what docs/architecture.md names. The library's own headers never include it.
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/floor.hpp"
 #include "talus/boundary/gate.hpp"
-#include "talus/boundary/mesh_distance.hpp"
 #include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/boundary/shape_obstacle.hpp"

@@ -78,7 +78,12 @@ class Grid {
   int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
 
   bool periodic(int axis) const { return periodic_[static_cast<std::size_t>(axis)]; }
-  bool any_periodic() const { return std::ranges::find(periodic_, true) != periodic_.end(); }
+  bool any_periodic() const {
+    bool any = false;
+    for (const bool axis : periodic_)
+      any = any || axis;
+    return any;
+  }
 
   /// The node of the box that stands for the same place: the same one, but for the last node along
   /// a periodic axis and the ghosts beyond.
