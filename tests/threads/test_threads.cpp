@@ -20,6 +20,7 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
+#include <thread>
 #include <vector>
 
 using namespace talus;
@@ -166,6 +167,24 @@ TEST_CASE("a team works through the same calls, and all get the same sum") {
       CHECK(sum == sums[0]);
     CHECK(sums[0] > 0);
   }
+}
+
+TEST_CASE("copies have threads of their own and may loop side by side") {
+  const Execution one(2);
+  const Execution other = one;
+  CHECK(other.threads() == 2);
+  const auto count = [](const Execution& execution) {
+    std::vector<int> visits(100, 0);
+    for (int round = 0; round < 200; ++round)
+      execution.for_each(100, [&](std::ptrdiff_t i) { ++visits[static_cast<std::size_t>(i)]; });
+    return std::ranges::count(visits, 200);
+  };
+  std::ptrdiff_t of_other = 0;
+  std::thread beside([&] { of_other = count(other); });
+  const std::ptrdiff_t of_one = count(one);
+  beside.join();
+  CHECK(of_one == 100);
+  CHECK(of_other == 100);
 }
 
 TEST_CASE("a wrong number of threads is refused") {

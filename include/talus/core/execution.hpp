@@ -221,8 +221,8 @@ class Team {
   Meeting& meeting_;
 };
 
-/// Where and how loops run. Copies share their threads, so only one of them may be in a loop, and
-/// no loop may run in another.
+/// Where and how loops run. A copy has threads of its own, so that copies of a simulation may step
+/// side by side; no loop may run in another.
 class Execution {
  public:
   /// Throws std::invalid_argument if threads < 1, std::system_error if the system gives no more
@@ -231,8 +231,13 @@ class Execution {
     if (threads < 1)
       throw_invalid("threads", threads, "an integer >= 1");
     if (threads > 1)
-      pool_ = std::make_shared<detail::ThreadPool>(threads);
+      pool_ = std::make_unique<detail::ThreadPool>(threads);
   }
+  Execution(const Execution& other) : Execution(other.threads()) {}
+  Execution(Execution&&) noexcept = default;
+  Execution& operator=(const Execution& other) { return *this = Execution(other.threads()); }
+  Execution& operator=(Execution&&) noexcept = default;
+  ~Execution() = default;
 
   int threads() const { return pool_ ? pool_->size() : 1; }
 
@@ -309,7 +314,7 @@ class Execution {
   }
 
  private:
-  std::shared_ptr<detail::ThreadPool> pool_;
+  std::unique_ptr<detail::ThreadPool> pool_;
 };
 
 } // namespace talus
