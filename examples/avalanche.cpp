@@ -117,6 +117,7 @@ int run(const Options& options) {
                        {"jitter", seeding.jitter},
                        {"packing_slack", params.packing.slack},
                        {"packing_dilatancy", params.packing.dilatancy},
+                       {"packing_even", params.packing.even},
                        {"packing_surfaces", params.packing.surfaces},
                        {"time_step_s", params.time_step},
                        {"tolerance", options.tolerance},
@@ -300,6 +301,8 @@ int main(int argc, char** argv) {
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--packing-dilatancy", options.packing.dilatancy, "See talus::Packing")
+      ->capture_default_str();
+  app.add_option("--packing-even", options.packing.even, "See talus::Packing")
       ->capture_default_str();
   app.add_option("--packing-surfaces", options.packing.surfaces, "See talus::Packing")
       ->capture_default_str();

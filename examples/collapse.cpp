@@ -214,6 +214,7 @@ int run(const Options& options, const Case& collapse) {
                        {"max_sweeps", options.max_sweeps},
                        {"packing_slack", options.packing.slack},
                        {"packing_dilatancy", options.packing.dilatancy},
+                       {"packing_even", options.packing.even},
                        {"packing_surfaces", options.packing.surfaces},
                        {"material", collapse.material.name},
                        {"material_values", collapse.material_values},
@@ -427,6 +428,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--packing-dilatancy", options.packing.dilatancy,
                  "How fast denser material expands, per unit of strain")
+      ->capture_default_str();
+  app.add_option("--packing-even", options.packing.even,
+                 "For flows sheared by many times their height, see talus::Packing")
       ->capture_default_str();
   app.add_option("--packing-surfaces", options.packing.surfaces,
                  "Does dense material with a free surface count as dense? false with no slack and "

@@ -58,6 +58,8 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
       ->capture_default_str();
   app.add_option("--packing-dilatancy", options.packing.dilatancy, "See talus::Packing")
       ->capture_default_str();
+  app.add_option("--packing-even", options.packing.even, "See talus::Packing")
+      ->capture_default_str();
   app.add_option("--packing-surfaces", options.packing.surfaces, "See talus::Packing")
       ->capture_default_str();
   // no transform: it would leave a number in the place of the word, another than the default's
@@ -123,6 +125,7 @@ nlohmann::json scene_inputs(const SceneOptions& options, const Sim& sim) {
           {"time_step_s", sim.params().time_step},
           {"packing_slack", options.packing.slack},
           {"packing_dilatancy", options.packing.dilatancy},
+          {"packing_even", options.packing.even},
           {"packing_surfaces", options.packing.surfaces},
           {"seeding", static_cast<int>(options.seeding.pattern)},
           {"jitter", options.seeding.jitter},

@@ -54,7 +54,7 @@ double dense_fraction(const Vec<Dim>& mean, const std::array<NodeSide, std::size
 ///   - half a cell below each free surface then carries no stress until it has collapsed into what
 ///     lies below;
 ///   - the noise of the particles' positions becomes settling, and beds never rest.
-/// `surfaces` mends the first, `slack` and `dilatancy` the second. See docs/accuracy.md.
+/// `surfaces` mends the first, the others mend the second. See docs/accuracy.md.
 struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
   /// β: what is packed denser than 1 + slack expands while it is sheared, as dense granular
@@ -63,6 +63,11 @@ struct Packing {
   double dilatancy = 5;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;
+  /// For flows that are sheared by many times their height: stress acts on full cells evenly
+  /// (even_volume), a node in the midst of dense material makes room only if its neighbours agree,
+  /// and particles there even out at `shifting` per unit of strain (shift_particles).
+  bool even = false;
+  double shifting = 3;
 
   /// Largest Tr D/|γ̇|. Expansion along one axis has |γ̇| = Tr D in 2-D and 1.15 Tr D in 3-D: with 1
   /// it would feed itself.
@@ -73,6 +78,13 @@ struct Packing {
     if (!(slack >= 0 && slack < 1))
       throw_invalid("packing.slack", slack, "a number in [0, 1)");
     require_non_negative("packing.dilatancy", dilatancy);
+    require_non_negative("packing.shifting", shifting);
+  }
+
+  /// φ of a node in the midst of dense material, for room(): what lies on both sides of 1 by chance
+  /// counts as 1. own: of the node; mean: of the nodes around it.
+  static double agreed(double own, double mean) {
+    return own < 1 ? std::min(1.0, std::max(own, mean)) : std::max(1.0, std::min(own, mean));
   }
 
   /// By how much a node may change its volume in this step, over that volume: > 0 to compact, < 0

@@ -36,6 +36,7 @@
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/cells_to_nodes.hpp"
 #include "talus/transfer/grid_to_particles.hpp"
+#include "talus/transfer/shifting.hpp"
 #include "talus/transfer/transfer_scheme.hpp"
 
 #include <algorithm>
@@ -143,6 +144,8 @@ class Simulation {
     open_share_.assign(nodes, 1);
     divergence_.assign(nodes, 0);
     node_cone_.assign(nodes, -1);
+    node_excess_.assign(nodes, not_inside);
+    node_strain_.assign(nodes, 0);
     wrenches_.resize(boundaries().sources());
     node_rank_.assign(nodes, 0);
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
@@ -444,7 +447,8 @@ class Simulation {
     if constexpr (TransferT::field == ParticleField::multilinear)
       particles_.resize_mixed(particles_.size());
     order_.update(particles_, grid_, execution_);
-    all_cell_moments<TransferT::field>(particles_, order_, grid_, execution_, moments_);
+    all_cell_moments<TransferT::field>(particles_, order_, grid_, execution_, moments_,
+                                       params_.packing.even);
     cells_to_nodes(moments_, order_, grid_, node_order_.nodes(), execution_, material_volume_,
                    velocity_before_);
     problem_.periodic.copy(material_volume_, execution_);
@@ -472,6 +476,7 @@ class Simulation {
       problem_.inverse_mass[j] = Wide::Zero();
       open_share_[j] = 1;
       node_cone_[j] = -1;
+      node_excess_[j] = not_inside;
       divergence_[j] = 0;
       if (material_volume_[j] >= least_volume)
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
@@ -494,6 +499,11 @@ class Simulation {
     });
     solids_.find(grid_, node_cone_, cones);
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio); });
+    if (params_.packing.even) {
+      problem_.periodic.copy(node_excess_, execution_);
+      problem_.periodic.copy(node_strain_, execution_);
+      for_each_cone([&](std::size_t i) { set_room_inside(i); });
+    }
     problem_.periodic.copy(node_cone_, execution_);
   }
 
@@ -514,8 +524,7 @@ class Simulation {
     open_share_[j] = solids_.look(boundaries(), i, grid_.node_position(index));
     problem_.volume[i] = open_share_[j] * grid_.node_volume(index);
     problem_.stress[i] = ratio * node_stress_[j];
-    problem_.void_rate[i] =
-        normal_from_mean<Dim>(room(i, index, first_moment) / (Dim * time_step_));
+    pack(i, index, first_moment);
     problem_.friction[i] = friction(i);
   }
 
@@ -575,24 +584,53 @@ class Simulation {
     return dense_fraction<Dim>(mean, side);
   }
 
-  /// By how much cone i may compact (> 0) or must expand in this step, m^d. first_moment:
-  /// Σ V_p N_i (x_p − x_i)/h by axis, m^d.
-  double room(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
+  /// Sets k_i of a cone at a surface or beside solids, or else what set_room_inside() needs.
+  /// first_moment: Σ V_p N_i (x_p − x_i)/h by axis, m^d.
+  void pack(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) {
     const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
     const double material = material_volume_[j], volume = problem_.volume[i];
     const bool in_the_open = open_share_[j] == 1; // beside solids the plain rule holds
-    double dense = 1, shear = 0;
+    double dense = 1, strain = 0;
     // Cohesion would hang what is below a surface on the air above it.
-    if (in_the_open && params_.packing.surfaces && !Cohesive<RheologyT>)
+    const bool surfaces = in_the_open && params_.packing.surfaces && !Cohesive<RheologyT>;
+    if (surfaces)
       dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
-    if (in_the_open && material > volume) {
+    if (in_the_open && (material > volume || params_.packing.even)) {
       const Vec<cone_size> rate = strain_rate(problem_, stencil_, i);
       double shear2 = 0;
       for (int k = 1; k < cone_size; ++k)
         shear2 += rate[k] * rate[k];
-      shear = 2 * std::sqrt(shear2) / material * time_step_; // |γ̇|² = 4 γ_T²
+      strain = 2 * std::sqrt(shear2) / material * time_step_; // |γ̇|² = 4 γ_T²
+      node_strain_[j] = strain;
+      if (surfaces && dense == 1 && params_.packing.even)
+        node_excess_[j] = material / volume - 1;
     }
-    return params_.packing.room(material / volume, dense, shear) * volume;
+    set_room(i, material / volume, dense, strain);
+  }
+
+  /// k_i of a cone in the midst of dense material, from the packing of its neighbours as well.
+  void set_room_inside(std::size_t i) {
+    const std::size_t j = static_cast<std::size_t>(problem_.node[i]);
+    if (!(node_excess_[j] < not_inside))
+      return;
+    double sum = 0, weights = 0;
+    for (int k = 0; k < Grid<Dim>::neighbours; ++k) { // ghosts are never inside
+      const double other =
+          node_excess_[static_cast<std::size_t>(problem_.node[i] + grid_.neighbour_offset(k))];
+      if (!(other < not_inside))
+        continue;
+      double weight = 1; // 1, 2, 1 along each axis
+      for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
+        weight *= rest % 3 == 1 ? 2 : 1;
+      sum += weight * other;
+      weights += weight;
+    }
+    set_room(i, Packing::agreed(1 + node_excess_[j], 1 + sum / weights), 1, node_strain_[j]);
+  }
+
+  void set_room(std::size_t i, double fraction, double dense, double strain) {
+    problem_.void_rate[i] = normal_from_mean<Dim>(params_.packing.room(fraction, dense, strain) *
+                                                  problem_.volume[i] / (Dim * time_step_));
   }
 
   /// μ̃_i from the velocities and the stress that the problem has.
@@ -696,6 +734,9 @@ class Simulation {
     talus::grid_to_particles(particles_, order_, grid_, transfer_, problem_.velocity,
                              velocity_before_, divergence_, moments_, time_step_, lower, upper,
                              execution_);
+    if (params_.packing.even && params_.packing.shifting > 0)
+      shift_particles(particles_, order_, grid_, node_excess_, node_strain_,
+                      params_.packing.shifting, lower, upper, execution_);
   }
 
   Params params_;
@@ -728,6 +769,8 @@ class Simulation {
   std::vector<std::size_t> counts_;           ///< of cones, by block
   std::vector<double> partials_;              ///< of sums and maxima
   std::vector<int> node_cone_;                ///< the cone of a node or −1, #nodes
+  std::vector<double> node_excess_;           ///< φ − 1 or not_inside, #nodes
+  std::vector<double> node_strain_;           ///< |γ̇| δt, #nodes
   std::vector<Wrench<Dim>> wrenches_;         ///< #faces + #obstacles + #bodies
   LastStep last_;
   DualProblem<Dim> problem_;

@@ -296,6 +296,42 @@ TEST_CASE("periodic: mu(I) gives Bagnold's profile, and flows as H^(3/2) at each
   }
 }
 
+TEST_CASE("periodic: a flow sheared by several times its length keeps its speed and its volume") {
+  using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
+  const double height = 0.1, diameter = height / 2, angle = 26 * degree;
+  for (const int length : {2, 4}) {
+    CAPTURE(length);
+    auto params = slope<Sim>(length, 16, height, angle);
+    params.time_step = 1.2e-3; // 0.3 % of strain
+    params.packing.even = true;
+    params.solver = {.tolerance = 1e-5, .max_sweeps = 2000};
+    params.rheology = {
+        .law = glass,
+        .inertial = {.grain_diameter = diameter, .density = density, .strain_factor = 2}};
+    const double tangent = std::tan(angle), I = 0.279 * (tangent - 0.38) / (0.64 - tangent);
+    const double scale = 2.0 / 3 * I / diameter * std::sqrt(g * std::cos(angle));
+    Particles<2> sand;
+    fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {params.grid.size[0], height},
+                {.per_axis = 4, .jitter = 0.5});
+    double volume = 0;
+    for (std::size_t p = 0; p < sand.size(); ++p) { // Bagnold's profile from the start
+      const double below = std::max(0.0, height - sand.position[p][1]);
+      sand.velocity[p][0] = scale * (std::pow(height, 1.5) - std::pow(below, 1.5));
+      sand.affine[p](0, 1) = 1.5 * scale * std::sqrt(below);
+      volume += sand.volume[p];
+    }
+    Sim sim(params, sand);
+    while (sim.time() < 20 * std::sqrt(height / g)) // 5 units of strain
+      REQUIRE(sim.step().completed());
+    double middle = 0;
+    for (std::size_t p = 0; p < sim.particles().size(); ++p)
+      middle += sim.particles().volume[p] * sim.particles().position[p][1] / volume;
+    CHECK(momentum(sim.particles())[0] / volume ==
+          doctest::Approx(0.6 * scale * std::pow(height, 1.5)).epsilon(0.03));
+    CHECK(middle == doctest::Approx(height / 2).epsilon(0.015));
+  }
+}
+
 TEST_CASE("periodic: a viscous layer has its parabola") {
   using Sim = Simulation<2, WithViscosity<ConstantFriction>, PolyPic, GaussSeidel<>>;
   const double height = 0.1, eta = density * std::sqrt(g * height) * height;

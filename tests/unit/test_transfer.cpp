@@ -8,6 +8,7 @@
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/grid_to_particles.hpp"
 #include "talus/transfer/schemes.hpp"
+#include "talus/transfer/shifting.hpp"
 
 #include "../support/multilinear.hpp"
 
@@ -30,7 +31,7 @@ struct Cloud {
   CellOrder<Dim> order;
   std::vector<CellMoments<Dim>> moments;
 
-  explicit Cloud(ParticleField field) {
+  explicit Cloud(ParticleField field, double volume = 1) {
     GridParams<Dim> params;
     for (int a = 0; a < Dim; ++a) {
       params.size[a] = 1.0 + 0.5 * a;
@@ -44,7 +45,7 @@ struct Cloud {
         x[a] = random.uniform() * params.size[a];
         v[a] = random.uniform() - 0.5;
       }
-      particles.add(x, v, 0.5 + random.uniform());
+      particles.add(x, v, volume * (0.5 + random.uniform()));
       for (int i = 0; i < Dim * Dim; ++i)
         particles.affine.back().data()[i] = random.uniform() - 0.5;
     }
@@ -147,7 +148,7 @@ void check_orders() {
 /// Volumes, momenta and g_ij against plain sums over the particles.
 template <int Dim>
 void check_sums(ParticleField field) {
-  const Cloud<Dim> cloud(field);
+  const Cloud<Dim> cloud(field, 1e-3); // no cell is full
   const Grid<Dim>& grid = cloud.grid;
   const std::size_t nodes = static_cast<std::size_t>(grid.node_count());
   std::vector<double> volume(nodes, 0);
@@ -195,11 +196,103 @@ void check_sums(ParticleField field) {
       add_coupling(moments, corner, grid.inverse_spacing(), g);
     });
     CHECK(sum == doctest::Approx(volume[i]).epsilon(1e-12));
-    CHECK((m - momentum[i]).norm() < 1e-12);
-    CHECK((g - coupling[i]).norm() < 1e-11);
+    CHECK((m - momentum[i]).norm() < 1e-14);
+    CHECK((g - coupling[i]).norm() < 1e-14);
     // a constant velocity has no strain rate
-    CHECK(g.rowwise().sum().norm() < 1e-11);
+    CHECK(g.rowwise().sum().norm() < 1e-14);
   });
+}
+
+/// In full cells g_ij is the integral over the cells, wherever the particles are.
+template <int Dim>
+void check_full_cells() {
+  Cloud<Dim> cloud(ParticleField::constant);
+  const Grid<Dim>& grid = cloud.grid;
+  cloud.particles = {};
+  fill_box<Dim>(cloud.particles, grid, grid.origin(), grid.upper(), {.per_axis = 3, .jitter = 1});
+  cloud.order.update(cloud.particles, grid, Execution());
+  all_cell_moments<ParticleField::constant>(cloud.particles, cloud.order, grid, Execution(),
+                                            cloud.moments, true);
+  Coupling<Dim> g = Coupling<Dim>::Zero();
+  Index<Dim> middle;
+  for (int a = 0; a < Dim; ++a)
+    middle[a] = 1;
+  cloud.at_node(grid.node(middle), [&](const CellMoments<Dim>& moments, int corner) {
+    add_coupling(moments, corner, grid.inverse_spacing(), g);
+  });
+  for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+    std::array<int, std::size_t{Dim}> offset{};
+    for (int a = Dim - 1, rest = k; a >= 0; --a, rest /= 3)
+      offset[static_cast<std::size_t>(a)] = rest % 3 - 1;
+    for (int a = 0; a < Dim; ++a) {
+      double exact = 1; // ∫ N_i ∂_a N_j: ±1/2 along a, h (1/6, 2/3, 1/6) along the others
+      for (int b = 0; b < Dim; ++b) {
+        const int at = offset[static_cast<std::size_t>(b)];
+        exact *= b == a ? at / 2.0 : grid.spacing()[b] * (at == 0 ? 2.0 / 3 : 1.0 / 6);
+      }
+      CHECK(g(a, k) == doctest::Approx(exact).epsilon(1e-13));
+    }
+  }
+}
+
+template <int Dim>
+void check_shifting() {
+  GridParams<Dim> params;
+  for (int a = 0; a < Dim; ++a) {
+    params.size[a] = 1;
+    params.cells[a] = 4;
+  }
+  const Grid<Dim> grid(params);
+  Particles<Dim> particles;
+  for (int p = 0; p < 1000; ++p) {
+    Vec<Dim> x;
+    for (int a = 0; a < Dim; ++a)
+      x[a] = std::fmod(0.5 + p * (a + 1) * 0.137, 1.0);
+    particles.add(x, Vec<Dim>::Constant(0.3), 1e-3);
+  }
+  CellOrder<Dim> order;
+  order.update(particles, grid, Execution());
+  std::vector<double> excess(static_cast<std::size_t>(grid.node_count()), not_inside);
+  std::vector<double> strains(excess.size(), 0);
+  const auto set = [&](double slope, double strain) { // φ grows along x; the upper half is outside
+    for_each_node(grid, [&](int node) {
+      const Vec<Dim> x = grid.node_position(node);
+      if (x[Dim - 1] < 0.6)
+        excess[static_cast<std::size_t>(node)] = 0.05 + slope * x[0];
+      strains[static_cast<std::size_t>(node)] = strain;
+    });
+  };
+  const auto shifted = [&](double rate) {
+    Particles<Dim> after = particles;
+    shift_particles(after, order, grid, excess, strains, rate, grid.origin(), grid.upper(),
+                    Execution());
+    return after;
+  };
+  set(0, 0.01);
+  Particles<Dim> after = shifted(3);
+  for (std::size_t p = 0; p < after.size(); ++p) // evenly dense: nothing to even out
+    CHECK((after.position[p] - particles.position[p]).norm() < 1e-15);
+  set(0.2, 0);
+  after = shifted(3);
+  for (std::size_t p = 0; p < after.size(); ++p) // not sheared
+    CHECK(after.position[p] == particles.position[p]);
+  for (const double strain : {0.01, 1.0}) { // and the bound
+    set(0.2, strain);
+    after = shifted(3);
+    const double by = std::min(0.1, 3 * strain) * 0.2 / 16; // h² ∂φ
+    std::size_t inside = 0;
+    for (std::size_t p = 0; p < after.size(); ++p) {
+      const Vec<Dim> x = particles.position[p];
+      Vec<Dim> expected = x;
+      if (x[Dim - 1] < 0.5) {
+        expected[0] = std::max(0.0, x[0] - by);
+        ++inside;
+      }
+      CHECK((after.position[p] - expected).norm() < 1e-14);
+      CHECK(after.velocity[p] == particles.velocity[p]);
+    }
+    CHECK(inside > 300);
+  }
 }
 
 template <int Dim>
@@ -381,6 +474,25 @@ TEST_CASE("moments give the same volumes, momenta and couplings as sums over par
     check_sums<2>(field);
     check_sums<3>(field);
   }
+}
+
+TEST_CASE("in full cells stress acts on the integral over the cell") {
+  check_full_cells<2>();
+  check_full_cells<3>();
+}
+
+TEST_CASE("shifting evens out dense sheared material, and moves nothing else") {
+  check_shifting<2>();
+  check_shifting<3>();
+}
+
+TEST_CASE("packing on both sides of dense by chance is dense") {
+  CHECK(Packing::agreed(0.9, 1.01) == 1);
+  CHECK(Packing::agreed(1.1, 0.99) == 1);
+  CHECK(Packing::agreed(0.9, 0.95) == 0.95);
+  CHECK(Packing::agreed(0.95, 0.9) == 0.95);
+  CHECK(Packing::agreed(1.1, 1.05) == 1.05);
+  CHECK(Packing::agreed(1.05, 1.1) == 1.05);
 }
 
 TEST_CASE("grid to particles gives the same samples as sums over corners") {

@@ -65,6 +65,8 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   add("min_relative_mass", params.min_relative_mass);
   add("packing.slack", params.packing.slack);
   add("packing.dilatancy", params.packing.dilatancy);
+  add("packing.even", params.packing.even ? 1 : 0);
+  add("packing.shifting", params.packing.shifting);
   add("packing.surfaces", params.packing.surfaces ? 1 : 0);
   add("obstacles", params.obstacles.size());
   add("bodies", params.bodies.size());

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/execution.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+#include "talus/particles.hpp"
+#include "talus/transfer/cell_order.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <iterator>
+#include <limits>
+#include <vector>
+
+namespace talus {
+
+/// φ − 1 of a node that is not in the midst of dense material: at a surface, beside solids, empty.
+inline constexpr double not_inside = std::numeric_limits<double>::infinity();
+
+/// Particle shifting: in cells whose nodes all lie inside,
+/// \f[ x_p ← x_p − \min(a |γ̇| δt, 1/10)\, h_b^2\, ∂_b φ \f]
+/// by axis b, which evens out what shear does to the packing within some cells. It is a diffusion
+/// of the packing alone: velocities stay, what is not sheared does not move, and it falls with h².
+/// excess: φ − 1 or not_inside; strain: |γ̇| δt, #nodes of the grid each; rate: a, >= 0; lower,
+/// upper: where particles are held, m.
+template <int Dim, class Real>
+void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
+                     const Grid<Dim>& grid, const std::vector<double>& excess,
+                     const std::vector<double>& strain, double rate, const Vec<Dim>& lower,
+                     const Vec<Dim>& upper, const Execution& execution) {
+  using G = Grid<Dim>;
+  for_each_filled_cell(execution, order, grid, [&](int cell_number) {
+    for (std::size_t k = order.begin(cell_number); k < order.begin(cell_number + 1); ++k) {
+      Vec<Dim>& x = particles.position[order.particle(k)];
+      const Index<Dim> cell = grid.cell_at(x);
+      const int first = grid.first_node(cell);
+      double sheared = 0;
+      bool inside = true;
+      for (int c = 0; c < G::corners && inside; ++c) {
+        const std::size_t node = static_cast<std::size_t>(first + grid.corner_offset(c));
+        inside = excess[node] < not_inside;
+        sheared += strain[node] / G::corners;
+      }
+      if (!inside)
+        continue;
+      const double share = std::min(0.1, rate * sheared);
+      const Vec<Dim> xi = grid.local(x, cell);
+      Vec<Dim> slope = Vec<Dim>::Zero(); // h ∇φ
+      for (int c = 0; c < G::corners; ++c) {
+        const double here = excess[static_cast<std::size_t>(first + grid.corner_offset(c))];
+        for (int a = 0; a < Dim; ++a) {
+          double weight = G::corner_bit(c, a) ? here : -here;
+          for (int b = 0; b < Dim; ++b)
+            if (b != a)
+              weight *= G::corner_bit(c, b) ? xi[b] : 1 - xi[b];
+          slope[a] += weight;
+        }
+      }
+      for (int a = 0; a < Dim; ++a)
+        x[a] -= share * grid.spacing()[a] * slope[a];
+      x = grid.wrapped(x.cwiseMax(lower).cwiseMin(upper));
+    }
+  });
+}
+
+} // namespace talus
