@@ -68,6 +68,9 @@ struct Packing {
   /// and particles there even out at `shifting` per unit of strain (shift_particles).
   bool even = false;
   double shifting = 3;
+  /// A scene whose particles fill some 3^d cells more than so many times is refused, see
+  /// check_overfilled. > 0; infinity: none is.
+  double densest = 1.5;
 
   /// Largest Tr D/|γ̇|. Expansion along one axis has |γ̇| = Tr D in 2-D and 1.15 Tr D in 3-D: with 1
   /// it would feed itself.
@@ -79,6 +82,8 @@ struct Packing {
       throw_invalid("packing.slack", slack, "a number in [0, 1)");
     require_non_negative("packing.dilatancy", dilatancy);
     require_non_negative("packing.shifting", shifting);
+    if (!(densest > 0))
+      throw_invalid("packing.densest", densest, "a number > 0, or infinity");
   }
 
   /// φ of a node in the midst of dense material, for room(): what lies on both sides of 1 by chance

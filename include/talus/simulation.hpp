@@ -27,6 +27,7 @@
 #include "talus/step/face_conditions.hpp"
 #include "talus/step/free_bodies.hpp"
 #include "talus/step/friction.hpp"
+#include "talus/step/overfilled.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/solids.hpp"
 #include "talus/step/state.hpp"
@@ -97,8 +98,8 @@ class Simulation {
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
-  /// has no positive volume, a velocity that is not finite or the id of another. A box may be
-  /// empty.
+  /// has no positive volume, a velocity that is not finite or the id of another, or if some place
+  /// is filled twice (Packing::densest). A box may be empty.
   explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)), execution_(params_.threads),
         grid_(params_.grid, params_.faces.periodic()), rheology_(params_.rheology),
@@ -128,6 +129,7 @@ class Simulation {
       throw_invalid("the number of free bodies in a box with periodic faces", params_.bodies.size(),
                     "0");
     check_particles(particles_, grid_);
+    check_overfilled(particles_, grid_, params_.packing.densest);
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes());
     problem_.bodies.resize(bodies_.state.size());
     solids_ = SolidsAtCones<Dim>(boundaries());

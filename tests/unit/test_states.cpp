@@ -683,8 +683,42 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
   CHECK(report.largest_fraction < 1.15);
   for (double& volume : sand.volume)
     volume *= 2;
+  params.packing.densest = std::numeric_limits<double>::infinity();
   Sim<> full(params, sand);
   CHECK(full.step().largest_fraction > 1.9);
+}
+
+TEST_CASE("a scene with a place filled twice is refused with the place and how full it is") {
+  auto params = box();
+  params.grid = {.size = {0.4, 0.2}, .cells = {20, 10}};
+  const Grid<2> grid(params.grid);
+  const auto scene = [&](Seeding::Pattern pattern, double jitter) {
+    Particles<2> sand;
+    fill_box(sand, grid, Vec<2>(0, 0), Vec<2>(0.4, 0.1),
+             {.per_axis = 3, .jitter = jitter, .pattern = pattern});
+    return sand;
+  };
+  const auto refused = [&](const Particles<2>& sand) {
+    return message_of<std::invalid_argument>([&] { const Sim<> sim(params, sand); });
+  };
+  for (const auto pattern : {Seeding::Pattern::jittered, Seeding::Pattern::random})
+    for (const double jitter : {0.0, 1.0}) {
+      Particles<2> sand = scene(pattern, jitter);
+      CHECK(refused(sand) == "(nothing thrown)");
+      Particles<2> more; // 4 by 3 cells, away from the faces
+      fill_box(more, grid, Vec<2>(0.2, 0.02), Vec<2>(0.28, 0.08), {.per_axis = 3});
+      for (const Vec<2>& x : more.position)
+        sand.add(x, Vec<2>::Zero(), more.volume[0]);
+      const std::string why = refused(sand);
+      CAPTURE(why);
+      CHECK(contains(why, "packing.densest"));
+      CHECK(contains(why, "x = (0.2"));
+      params.packing.densest = 3;
+      CHECK(refused(sand) == "(nothing thrown)");
+      params.packing.densest = 1.5;
+    }
+  params.packing.densest = 0;
+  CHECK(contains(refused(scene(Seeding::Pattern::jittered, 0)), "packing.densest is 0"));
 }
 
 TEST_CASE("with cfl an obstacle does not jump into the material, and matters only in the box") {

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/error.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/particles.hpp"
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace talus {
+
+/// Throws std::invalid_argument if the particles of some 3^d cells (fewer at faces) fill more than
+/// `densest` times their volume: every step of such a scene would converge, with wrong heights.
+/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top.
+template <int Dim, class Real>
+void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid,
+                      double densest) {
+  // by the cells' first nodes, whose numbers have room for neighbours on every side
+  std::vector<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
+  std::vector<int> count(volume.size(), 0);
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    const auto first =
+        static_cast<std::size_t>(grid.first_node(grid.cell_at(particles.position[p])));
+    volume[first] += particles.volume[p];
+    ++count[first];
+  }
+  for (int c = 0; c < grid.cell_count(); ++c) {
+    const Index<Dim> cell = grid.cell_index(c);
+    const int first = grid.first_node(cell);
+    if (count[static_cast<std::size_t>(first)] == 0)
+      continue;
+    double sum = 0, room = grid.cell_volume();
+    int particles_there = 0;
+    for (int a = 0; a < Dim; ++a)
+      room *= 1 + (cell[a] > 0) + (cell[a] + 1 < grid.cells(a));
+    for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+      const auto other = static_cast<std::size_t>(first + grid.neighbour_offset(k));
+      sum += volume[other];
+      particles_there += count[other];
+    }
+    if (sum > (densest + 4 / std::sqrt(particles_there)) * room)
+      throw_invalid("the volume of the " + std::to_string(particles_there) + " particles around " +
+                        place_text<Dim>(grid.node_position(cell)) +
+                        " over that of the cells which hold them",
+                    sum / room,
+                    "about 1, and 1.1 for random positions; what is filled twice has 2; "
+                    "packing.densest sets the limit, infinity sets none");
+  }
+}
+
+} // namespace talus
