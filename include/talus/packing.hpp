@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -25,11 +25,11 @@ enum class NodeSide { inside, on_lower_face, on_upper_face };
 ///
 /// mean: t̄ = Σ V_p N_i t / Σ V_p N_i with t = (x_p − x_i)/h by axis.
 template <int Dim>
-double dense_fraction(const Vec<Dim>& mean, const std::array<NodeSide, std::size_t{Dim}>& side) {
+double dense_fraction(const Vec<Dim>& mean, const SmallArray<NodeSide, Dim>& side) {
   double off2 = 0, layers = 1;
   for (int a = 0; a < Dim; ++a) {
     const double t = std::abs(mean[a]);
-    if (side[static_cast<std::size_t>(a)] == NodeSide::inside) {
+    if (side[a] == NodeSide::inside) {
       off2 += t * t;
     } else if (t < 1.0 / 3) {
       const double b = (1 + t) / 2; // s²/3 − b s + t = 0

@@ -62,7 +62,7 @@ double weight(const scenes::Sim<Dim>& sim) {
   double volume = 0;
   for (const double v : sim.particles().volume)
     volume += v;
-  return volume * sim.params().material.density * sim.params().gravity.norm();
+  return volume * sim.params().material.density * sim.gravity().norm();
 }
 
 Vec<2> turned(double angle_deg, const Vec<2>& v) {

@@ -121,7 +121,7 @@ void block_slides(double angle_deg, double mu, double speed, double seconds) {
   const int up = up_axis<Dim>;
   // the floor's friction over its normal force, and the acceleration g (sin θ − μ cos θ)
   CHECK(-impulse[0] / impulse[up] == doctest::Approx(mu).epsilon(0.01));
-  const Vec<Dim> g = sim.params().gravity;
+  const Vec<Dim> g = sim.gravity();
   const Vec<Dim> v = mean_velocity(sim.particles());
   const double t = sim.time(), acceleration = (v[0] - speed) / t;
   CHECK(acceleration ==

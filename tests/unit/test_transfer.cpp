@@ -563,8 +563,8 @@ TEST_CASE("transfer schemes update a particle as they say") {
 }
 
 TEST_CASE("dense material with a free surface is dense, loose material is not") {
-  const std::array inside{NodeSide::inside, NodeSide::inside};
-  const std::array on_floor{NodeSide::inside, NodeSide::on_lower_face};
+  const SmallArray<NodeSide, 2> inside{NodeSide::inside, NodeSide::inside};
+  const SmallArray<NodeSide, 2> on_floor{NodeSide::inside, NodeSide::on_lower_face};
   CHECK(dense_fraction<2>({0, 0}, inside) == 1); // no surface
   // from the integrals over a half-space whose surface is s above the node
   for (const double s : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0}) {

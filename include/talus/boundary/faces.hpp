@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <string>
@@ -30,7 +30,7 @@ struct Face {
 /// The 2d faces of the box.
 template <int Dim>
 struct Faces {
-  std::array<Face, static_cast<std::size_t>(Dim)> lower{}, upper{};
+  SmallArray<Face, Dim> lower{}, upper{};
 
   /// The same face everywhere, to change some of them.
   static Faces all(const Face& face) {
@@ -44,7 +44,7 @@ struct Faces {
   /// not given, negative or not finite, if a face that is not frictional has one, or if only one
   /// of two opposite faces is periodic.
   void validate() const {
-    constexpr std::array axis_names{"x", "y", "z"};
+    constexpr const char* axis_names[] = {"x", "y", "z"};
     const auto check = [](const std::string& name, const Face& face) {
       if (face.kind == FaceKind::unset)
         throw_invalid(name, "not given",
@@ -55,7 +55,7 @@ struct Faces {
         throw_invalid(name + ".friction", face.friction,
                       "none for a face that is not FaceKind::frictional");
     };
-    for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a) {
+    for (int a = 0; a < Dim; ++a) {
       check(std::string("faces.lower.") + axis_names[a], lower[a]);
       check(std::string("faces.upper.") + axis_names[a], upper[a]);
       if ((lower[a].kind == FaceKind::periodic) != (upper[a].kind == FaceKind::periodic))
@@ -65,9 +65,9 @@ struct Faces {
   }
 
   /// Along which axes the box is periodic.
-  std::array<bool, static_cast<std::size_t>(Dim)> periodic() const {
-    std::array<bool, static_cast<std::size_t>(Dim)> axes{};
-    for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+  SmallArray<bool, Dim> periodic() const {
+    SmallArray<bool, Dim> axes{};
+    for (int a = 0; a < Dim; ++a)
       axes[a] = lower[a].kind == FaceKind::periodic;
     return axes;
   }
@@ -78,11 +78,10 @@ template <int Dim, class Visit>
 void for_each_face(const Grid<Dim>& grid, const Faces<Dim>& faces, const Index<Dim>& index,
                    const Visit& visit) {
   for (int a = 0; a < Dim; ++a) {
-    const std::size_t s = static_cast<std::size_t>(a);
     if (index[a] == 0)
-      visit(a, false, faces.lower[s]);
+      visit(a, false, faces.lower[a]);
     if (index[a] == grid.cells(a))
-      visit(a, true, faces.upper[s]);
+      visit(a, true, faces.upper[a]);
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 
 #include <algorithm>
@@ -198,7 +199,7 @@ class Team {
 
   /// As Execution::reduce; every thread gets the result.
   template <class Value, class Term, class Combine>
-  Value reduce(std::ptrdiff_t count, std::vector<Value>& partials, Value start, const Term& term,
+  Value reduce(std::ptrdiff_t count, Array<Value>& partials, Value start, const Term& term,
                const Combine& combine) const {
     const std::ptrdiff_t chunks = (count + detail::chunk - 1) / detail::chunk;
     if (rank_ == 0)
@@ -206,8 +207,7 @@ class Team {
     wait();
     for_ranges(chunks, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t c = begin; c < end; ++c)
-        partials[static_cast<std::size_t>(c)] =
-            term(c * detail::chunk, std::min(count, (c + 1) * detail::chunk));
+        partials[c] = term(c * detail::chunk, std::min(count, (c + 1) * detail::chunk));
     });
     Value total = start;
     for (const Value& partial : partials)
@@ -300,12 +300,12 @@ class Execution {
   /// `partials` is workspace that the caller keeps, so that a warm call allocates nothing.
   /// Exceptions: as for_each.
   template <class Value, class Term, class Combine>
-  Value reduce(std::ptrdiff_t count, std::vector<Value>& partials, Value start, const Term& term,
+  Value reduce(std::ptrdiff_t count, Array<Value>& partials, Value start, const Term& term,
                const Combine& combine) const {
     using detail::chunk;
     partials.resize(static_cast<std::size_t>((count + chunk - 1) / chunk));
     for_each(static_cast<std::ptrdiff_t>(partials.size()), [&](std::ptrdiff_t c) {
-      partials[static_cast<std::size_t>(c)] = term(c * chunk, std::min(count, (c + 1) * chunk));
+      partials[c] = term(c * chunk, std::min(count, (c + 1) * chunk));
     });
     Value total = start;
     for (const Value& partial : partials)

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <string>
@@ -39,13 +39,12 @@ class Grid {
   /// Throws std::invalid_argument if a size is not finite and positive, a number of cells is below
   /// 1, or the grid has more than 2^30 nodes.
   /// periodic: along which axes the box goes on at its opposite face.
-  explicit Grid(const GridParams<Dim>& params,
-                const std::array<bool, std::size_t{Dim}>& periodic = {})
+  explicit Grid(const GridParams<Dim>& params, const SmallArray<bool, Dim>& periodic = {})
       : origin_(params.origin), size_(params.size), cells_(params.cells), periodic_(periodic) {
-    constexpr std::array axis_names{"x", "y", "z"};
+    constexpr const char* axis_names[] = {"x", "y", "z"};
     double nodes = 1;
     for (int a = 0; a < Dim; ++a) {
-      const std::string axis = axis_names[static_cast<std::size_t>(a)];
+      const std::string axis = axis_names[a];
       require_finite("grid.origin." + axis, origin_[a]);
       require_positive("grid.size." + axis, size_[a]);
       if (cells(a) < 1)
@@ -77,7 +76,7 @@ class Grid {
   int cell_count() const { return cell_count_; }
   int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
 
-  bool periodic(int axis) const { return periodic_[static_cast<std::size_t>(axis)]; }
+  bool periodic(int axis) const { return periodic_[axis]; }
   bool any_periodic() const {
     bool any = false;
     for (const bool axis : periodic_)
@@ -208,7 +207,7 @@ class Grid {
   Vec<Dim> origin_ = Vec<Dim>::Zero(), size_ = Vec<Dim>::Zero();
   Vec<Dim> spacing_ = Vec<Dim>::Zero(), inverse_spacing_ = Vec<Dim>::Zero();
   Index<Dim> cells_{}, node_stride_{}, cell_stride_{};
-  std::array<bool, std::size_t{Dim}> periodic_{};
+  SmallArray<bool, Dim> periodic_{};
   int node_count_ = 0, cell_count_ = 0;
 };
 

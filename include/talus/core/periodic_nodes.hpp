@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 namespace talus {
 
@@ -37,33 +37,31 @@ class PeriodicNodes {
 
   /// Gives the copies the owners' values.
   template <class Value, class AnyExecution>
-  void copy(std::vector<Value>& field, const AnyExecution& execution) const {
+  void copy(Array<Value>& field, const AnyExecution& execution) const {
     if (any())
-      execution.for_ranges(static_cast<std::ptrdiff_t>(copies_.size()), [&](std::ptrdiff_t begin,
-                                                                            std::ptrdiff_t end) {
-        for (std::ptrdiff_t k = begin; k < end; ++k) {
-          const Copy& copy = copies_[static_cast<std::size_t>(k)];
-          field[static_cast<std::size_t>(copy.node)] = field[static_cast<std::size_t>(copy.owner)];
-        }
-      });
+      execution.for_ranges(static_cast<std::ptrdiff_t>(copies_.size()),
+                           [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                             for (std::ptrdiff_t k = begin; k < end; ++k) {
+                               const Copy& copy = copies_[k];
+                               field[copy.node] = field[copy.owner];
+                             }
+                           });
   }
 
   /// Adds the copies' values to the owners'.
   template <class Value>
-  void fold(std::vector<Value>& field) const {
+  void fold(Array<Value>& field) const {
     for (const Copy& copy : copies_)
-      field[static_cast<std::size_t>(copy.owner)] += field[static_cast<std::size_t>(copy.node)];
+      field[copy.owner] += field[copy.node];
   }
 
   /// Is a neighbour of the node, or itself, one of several nodes of a place?
-  bool near_copy(int node) const {
-    return any() && near_copy_[static_cast<std::size_t>(node)] != 0;
-  }
+  bool near_copy(int node) const { return any() && near_copy_[node] != 0; }
 
   /// Gives all nodes of a node's place the value of that one.
   template <class Value>
-  void share(std::vector<Value>& field, int node) const {
-    const Value value = field[static_cast<std::size_t>(node)];
+  void share(Array<Value>& field, int node) const {
+    const Value value = field[node];
     const Index<Dim> owner = grid_.owner(grid_.node_index(node));
     for (int k = 0; k < Grid<Dim>::neighbours; ++k) { // by axis: the copy below, the owner, above
       Index<Dim> index = owner;
@@ -74,7 +72,7 @@ class PeriodicNodes {
         index[a] += step * n;
       }
       if (there)
-        field[static_cast<std::size_t>(grid_.node(index))] = value;
+        field[grid_.node(index)] = value;
     }
   }
 
@@ -100,13 +98,13 @@ class PeriodicNodes {
         inside = inside && i >= 0 && i <= grid_.cells(a);
       }
       if (inside)
-        near_copy_[static_cast<std::size_t>(node + grid_.neighbour_offset(k))] = 1;
+        near_copy_[node + grid_.neighbour_offset(k)] = 1;
     }
   }
 
   Grid<Dim> grid_;
-  std::vector<Copy> copies_;
-  std::vector<std::uint8_t> near_copy_; ///< #nodes
+  Array<Copy> copies_;
+  Array<std::uint8_t> near_copy_; ///< #nodes
 };
 
 } // namespace talus

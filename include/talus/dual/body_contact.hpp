@@ -17,19 +17,18 @@ namespace talus {
 /// u_j − V − ω × arm, m/s; a face of the box does not move.
 template <int Dim>
 Vec<Dim> relative_velocity(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
-  const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  const FreeBody<Dim>& body = problem.bodies[contact.body];
   const Vec<Dim> of_body = plus<Dim>(body.velocity, cross<Dim>(body.angular_velocity, contact.arm));
   if (contact.node < 0)
     return scaled<Dim>(-1, of_body);
-  return minus<Dim>(problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>(),
-                    of_body);
+  return minus<Dim>(problem.velocity[contact.node].template head<Dim>(), of_body);
 }
 
 /// Adds `impulse` (Dim, N s) to the node and takes it from the body.
 template <int Dim>
 void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
                    const Vec<Dim>& impulse) {
-  FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  FreeBody<Dim>& body = problem.bodies[contact.body];
   body.velocity = plus_scaled<Dim>(body.velocity, -body.inverse_mass, impulse);
   const Spin<Dim> turn =
       product<spin_size<Dim>>(body.inverse_inertia, torque<Dim>(contact.arm, impulse));
@@ -45,7 +44,7 @@ void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
 /// term, and the largest of the others.
 template <int Dim>
 double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
-  const FreeBody<Dim>& body = problem.bodies[static_cast<std::size_t>(contact.body)];
+  const FreeBody<Dim>& body = problem.bodies[contact.body];
   double of_body = body.inverse_mass;
   for (int a = 0; a < Dim; ++a) { // column a of [arm]×
     const Spin<Dim> arm = torque<Dim>(contact.arm, Vec<Dim>(Vec<Dim>::Unit(a)));
@@ -53,7 +52,7 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<D
   }
   if (contact.node < 0)
     return of_body;
-  return of_body + problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
+  return of_body + problem.inverse_mass[contact.node].maxCoeff();
 }
 
 /// One visit of each contact in their order: a projected step r ← P(r − w/L), exact where W = L I,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -10,7 +11,6 @@
 #include <array>
 #include <cstddef>
 #include <numeric>
-#include <vector>
 
 namespace talus {
 
@@ -27,16 +27,14 @@ class BlockOrder {
 
   BlockOrder() = default;
   explicit BlockOrder(const Grid<Dim>& grid) {
-    std::array<std::vector<int>, std::size_t{Dim}> edges; // where blocks begin along each axis
+    std::array<Array<int>, std::size_t{Dim}> edges; // where blocks begin along each axis
     Index<Dim> blocks;
     for (int a = 0; a < Dim; ++a) {
-      std::vector<int>& edge = edges[static_cast<std::size_t>(a)];
+      Array<int>& edge = edges[a];
       edge = grid.periodic(a) ? periodic_edges(grid.cells(a)) : closed_edges(grid.cells(a) + 1);
       blocks[a] = static_cast<int>(edge.size()) - 1;
     }
-    const auto edge = [&](int a, int block) {
-      return edges[static_cast<std::size_t>(a)][static_cast<std::size_t>(block)];
-    };
+    const auto edge = [&](int a, int block) { return edges[a][block]; };
     for (int colour = 0; colour < colours; ++colour) {
       colour_begin_.push_back(begin_.size());
       for_each_index(blocks, [&](const Index<Dim>& block) {
@@ -62,13 +60,13 @@ class BlockOrder {
   std::size_t blocks() const { return begin_.size() - 1; }
   /// Nodes of block k: nodes()[begin(k)] .. nodes()[begin(k + 1) − 1].
   std::size_t begin(std::size_t block) const { return begin_[block]; }
-  const std::vector<int>& nodes() const { return nodes_; }
+  const Array<int>& nodes() const { return nodes_; }
   /// Blocks of colour c: colour_begin()[c] .. colour_begin()[c + 1] − 1.
-  const std::vector<std::size_t>& colour_begin() const { return colour_begin_; }
+  const Array<std::size_t>& colour_begin() const { return colour_begin_; }
 
  private:
-  static std::vector<int> closed_edges(int nodes) {
-    std::vector<int> edges;
+  static Array<int> closed_edges(int nodes) {
+    Array<int> edges;
     for (int first = 0; first < nodes; first += block_edge)
       edges.push_back(first);
     edges.push_back(nodes);
@@ -77,9 +75,9 @@ class BlockOrder {
 
   /// One block, or an even number, so that the first and the last, which are neighbours, differ in
   /// colour.
-  static std::vector<int> periodic_edges(int nodes) {
+  static Array<int> periodic_edges(int nodes) {
     const int count = nodes <= block_edge ? 1 : 2 * std::max(1, nodes / (2 * block_edge));
-    std::vector<int> edges;
+    Array<int> edges;
     for (int k = 0; k <= count; ++k)
       edges.push_back(nodes * k / count);
     return edges;
@@ -102,8 +100,8 @@ class BlockOrder {
     }
   }
 
-  std::vector<int> nodes_;
-  std::vector<std::size_t> begin_, colour_begin_;
+  Array<int> nodes_;
+  Array<std::size_t> begin_, colour_begin_;
 };
 
 /// Gives the problem a cone for each node that carries one, in the order of the blocks, and sets
@@ -111,7 +109,7 @@ class BlockOrder {
 /// node carry a cone? Called once or twice a node. counts: workspace.
 template <int Dim, class Carries>
 void collect_cones(const BlockOrder<Dim>& order, const Carries& carries, const Execution& execution,
-                   std::vector<std::size_t>& counts, DualProblem<Dim>& problem) {
+                   Array<std::size_t>& counts, DualProblem<Dim>& problem) {
   const auto for_each_node = [&](std::ptrdiff_t block, const auto& visit) {
     const std::size_t b = static_cast<std::size_t>(block);
     for (std::size_t k = order.begin(b); k < order.begin(b + 1); ++k)
@@ -126,12 +124,12 @@ void collect_cones(const BlockOrder<Dim>& order, const Carries& carries, const E
   std::partial_sum(counts.begin(), counts.end(), counts.begin());
   problem.node.resize(counts.back());
   execution.for_each(blocks, [&](std::ptrdiff_t b) {
-    std::size_t cone = counts[static_cast<std::size_t>(b)];
+    std::size_t cone = counts[b];
     for_each_node(b, [&](int node) { problem.node[cone++] = node; });
   });
   problem.blocks.clear();
   problem.colour_begin.clear();
-  const std::vector<std::size_t>& colours = order.colour_begin();
+  const Array<std::size_t>& colours = order.colour_begin();
   for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
     problem.colour_begin.push_back(problem.blocks.size());
     for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b)

@@ -30,7 +30,7 @@ Vec<Dim> contact_impulse(const Contact<Dim>& contact, const Vec<Dim>& u, double 
 /// The largest component of a node's inverse mass: a component is 0 where u is prescribed.
 template <int Dim>
 double contact_inverse_mass(const DualProblem<Dim>& problem, const Contact<Dim>& contact) {
-  return problem.inverse_mass[static_cast<std::size_t>(contact.node)].maxCoeff();
+  return problem.inverse_mass[contact.node].maxCoeff();
 }
 
 /// Gives all nodes of a node's place its velocity, after a change.

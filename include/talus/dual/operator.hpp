@@ -25,10 +25,10 @@ class Stencil {
   Stencil() = default;
   explicit Stencil(const Grid<Dim>& grid) {
     for (int r = 0; r < rows; ++r)
-      row_[static_cast<std::size_t>(r)] = grid.neighbour_offset(3 * r);
+      row_[r] = grid.neighbour_offset(3 * r);
   }
   /// Offset of the first node of row r from the node in the middle.
-  int row(int r) const { return row_[static_cast<std::size_t>(r)]; }
+  int row(int r) const { return row_[r]; }
 
  private:
   std::array<int, static_cast<std::size_t>(rows)> row_{};
@@ -49,7 +49,7 @@ gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const Coupli
     const Wide* row = u + stencil.row(r);
     for (std::size_t k = 0; k < 3; ++k)
       for (int b = 0; b < Dim; ++b)
-        sum[k][static_cast<std::size_t>(b)] += row[k] * g(b, 3 * r + static_cast<int>(k));
+        sum[k][b] += row[k] * g(b, 3 * r + static_cast<int>(k));
   }
   RectMat<Wide::RowsAtCompileTime, Dim> gradient;
   for (int b = 0; b < Dim; ++b) {
@@ -117,7 +117,7 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
         for (int c = 0; c < Dim; ++c) {
           const double outer = gj[c] * gj[b];
           for (int a = 0; a < Dim; ++a)
-            second[static_cast<std::size_t>(a)](c, b) += w[a] * outer;
+            second[a](c, b) += w[a] * outer;
         }
     }
   Mat<n> block;
@@ -130,7 +130,7 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
       for (int b = 0; b < Dim; ++b) {
         gradient(a, b) = 0;
         for (int k = 0; k < Dim; ++k)
-          gradient(a, b) += tensor(a, k) * second[static_cast<std::size_t>(a)](k, b);
+          gradient(a, b) += tensor(a, k) * second[a](k, b);
       }
     block.col(c) = symmetric_to_vector<Dim, double>(gradient);
   }

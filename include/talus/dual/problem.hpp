@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/periodic_nodes.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -9,7 +10,6 @@
 #include "talus/transfer/cell_moments.hpp"
 
 #include <cstddef>
-#include <vector>
 
 /// \file
 /// The dual problem of one time step: nodal velocities, one cone (stress) per active node, and
@@ -73,26 +73,25 @@ struct DualProblem {
   static constexpr int neighbours = ipow(3, Dim);
 
   Grid<Dim> grid;
-  PeriodicNodes<Dim> periodic; ///< of the grid; `velocity` is the same at all nodes of a place
-  std::vector<NodeVec<Dim>> velocity;     ///< u, #nodes, m/s
-  std::vector<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
+  PeriodicNodes<Dim> periodic;      ///< of the grid; `velocity` is the same at all nodes of a place
+  Array<NodeVec<Dim>> velocity;     ///< u, #nodes, m/s
+  Array<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
 
   // One entry a cone, in the order of the blocks.
-  std::vector<int> node;               ///< node number
-  std::vector<Coupling<Dim>> coupling; ///< g_ij, m^(d-1)
-  std::vector<double> void_rate;       ///< normal component of k_i, m^d/s; < 0: overpacked
-  std::vector<double> friction;        ///< μ̃_i = sqrt(2/d) μ_i
-  std::vector<double> volume;          ///< v_i, m^d
-  std::vector<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown
+  Array<int> node;               ///< node number
+  Array<Coupling<Dim>> coupling; ///< g_ij, m^(d-1)
+  Array<double> void_rate;       ///< normal component of k_i, m^d/s; < 0: overpacked
+  Array<double> friction;        ///< μ̃_i = sqrt(2/d) μ_i
+  Array<double> volume;          ///< v_i, m^d
+  Array<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown
 
-  std::vector<Contact<Dim>> contacts; ///< sorted by block
+  Array<Contact<Dim>> contacts; ///< sorted by block
 
-  std::vector<FreeBody<Dim>> bodies;
-  std::vector<BodyContact<Dim>> body_contacts; ///< visited one after the other: they share bodies
+  Array<FreeBody<Dim>> bodies;
+  Array<BodyContact<Dim>> body_contacts; ///< visited one after the other: they share bodies
 
-  std::vector<Block> blocks; ///< blocks of one colour share no velocity
-  std::vector<std::size_t>
-      colour_begin; ///< blocks of colour c: colour_begin[c]..colour_begin[c+1]−1
+  Array<Block> blocks;             ///< blocks of one colour share no velocity
+  Array<std::size_t> colour_begin; ///< blocks of colour c: colour_begin[c]..colour_begin[c+1]−1
 
   /// A velocity typical of this step, max(|g| δt, |u|_max/1000), m/s: what residuals are compared
   /// with where there is no stress to compare with.

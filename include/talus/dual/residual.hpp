@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/cone/law.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/dual/body_contact.hpp"
@@ -11,7 +12,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 namespace talus {
 
@@ -39,7 +39,7 @@ class ResidualMeter {
   /// execution: an Execution, or the Team that all of its threads call this with.
   template <class AnyExecution>
   Residual operator()(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                      const std::vector<double>& inverse_scales, const AnyExecution& execution) {
+                      const Array<double>& inverse_scales, const AnyExecution& execution) {
     constexpr int n = symmetric_size<Dim>;
     const double speed2 = problem.velocity_scale * problem.velocity_scale;
     Sums sums = execution.reduce(
@@ -48,8 +48,7 @@ class ResidualMeter {
           Sums partial;
           for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
                ++i) {
-            const double inverse_mass =
-                problem.inverse_mass[static_cast<std::size_t>(problem.node[i])].maxCoeff();
+            const double inverse_mass = problem.inverse_mass[problem.node[i]].maxCoeff();
             if (inverse_mass > 0)
               partial.least += speed2 / inverse_mass;
             if (!(inverse_scales[i] > 0))
@@ -66,8 +65,7 @@ class ResidualMeter {
         Sums::join);
 
     for (const Contact<Dim>& contact : problem.contacts) {
-      const Vec<Dim> u =
-          problem.velocity[static_cast<std::size_t>(contact.node)].template head<Dim>();
+      const Vec<Dim> u = problem.velocity[contact.node].template head<Dim>();
       add_contact(sums, contact, u, contact_inverse_mass(problem, contact));
     }
     for (const FreeBody<Dim>& body : problem.bodies)
@@ -118,7 +116,7 @@ class ResidualMeter {
              lambda.squaredNorm(), inverse_mass);
   }
 
-  std::vector<Sums> partials_;
+  Array<Sums> partials_;
 };
 
 } // namespace talus

@@ -26,7 +26,7 @@ namespace talus {
 namespace detail {
 
 inline constexpr std::string_view checkpoint_kind = "talus-checkpoint ";
-inline constexpr std::string_view checkpoint_format = "talus-checkpoint 3";
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 4";
 
 /// "0.1" of "0.1.2": patches read the files of each other.
 inline std::string_view minor_version(std::string_view version) {
@@ -99,7 +99,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
   constexpr int dim = Sim::dimension;
   if (notes.size() > (std::size_t{1} << 20U))
     throw_invalid("the length of a checkpoint's notes", notes.size(), "at most 2^20 bytes");
-  const auto state = sim.state();
+  const auto& state = sim.state();
   AtomicFile file(path);
   Fingerprint fingerprint;
   detail::ByteWriter out;

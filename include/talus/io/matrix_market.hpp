@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/symmetric.hpp"
@@ -15,7 +16,6 @@
 #include <filesystem>
 #include <string>
 #include <system_error>
-#include <vector>
 
 namespace talus {
 
@@ -44,15 +44,14 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
   remove_impulses(problem, Stencil<Dim>(problem.grid));
 
   // Numbers the unknowns: components of velocities that can change.
-  std::vector<std::array<std::size_t, static_cast<std::size_t>(Dim)>> unknown(
-      problem.velocity.size());
-  std::vector<double> mass, free;
+  Array<std::array<std::size_t, static_cast<std::size_t>(Dim)>> unknown(problem.velocity.size());
+  Array<double> mass, free;
   for (std::size_t j = 0; j < problem.velocity.size(); ++j)
     for (int a = 0; a < Dim; ++a)
       if (problem.inverse_mass[j][a] > 0) {
         mass.push_back(1 / problem.inverse_mass[j][a]);
         free.push_back(problem.velocity[j][a]);
-        unknown[j][static_cast<std::size_t>(a)] = mass.size(); // from 1, as the format has it
+        unknown[j][a] = mass.size(); // from 1, as the format has it
       }
 
   struct Triplet {
@@ -60,12 +59,12 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     double value;
     double momentum; // the same entry of E
   };
-  std::vector<Triplet> entries;
-  std::vector<double> k, mu, lambda;
+  Array<Triplet> entries;
+  Array<double> k, mu, lambda;
   std::size_t row = 1;
   const auto add = [&](std::size_t at, std::size_t j, int a, double value, double momentum,
                        double& fixed) {
-    const std::size_t column = unknown[j][static_cast<std::size_t>(a)];
+    const std::size_t column = unknown[j][a];
     if (column > 0 && value != 0)
       entries.push_back({at, column, value, momentum});
     else if (column == 0)
@@ -81,12 +80,11 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
         const Mat<Dim> gradient = Vec<Dim>::Unit(a) * problem.coupling[i].col(n).transpose();
         const Vec<s> rate = symmetric_to_vector<Dim, double>(gradient);
         for (int r = 0; r < s; ++r)
-          add(row + static_cast<std::size_t>(r), j, a, rate[r], 2 * rate[r],
-              fixed[static_cast<std::size_t>(r)]);
+          add(row + static_cast<std::size_t>(r), j, a, rate[r], 2 * rate[r], fixed[r]);
       }
     }
     for (int r = 0; r < s; ++r) {
-      k.push_back(fixed[static_cast<std::size_t>(r)]);
+      k.push_back(fixed[r]);
       lambda.push_back(original.stress[i][r]);
     }
     mu.push_back(problem.friction[i]);
@@ -131,7 +129,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
       out.line(std::to_string(t.row), t.column, momentum ? t.momentum : t.value);
     return out.bytes();
   };
-  const auto column = [&](const std::vector<double>& values) {
+  const auto column = [&](const Array<double>& values) {
     detail::ByteWriter out;
     out.text("%%MatrixMarket matrix array real general\n");
     out.line(std::to_string(values.size()), 1);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -10,7 +11,6 @@
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -53,7 +53,7 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
   if (!problem.bodies.empty())
     throw_invalid("the number of free bodies in a problem file", problem.bodies.size(), "0");
   const auto& grid = problem.grid;
-  std::vector<int> points; // whose velocity or mass is not zero
+  Array<int> points; // whose velocity or mass is not zero
   for (int node = 0; node < grid.node_count(); ++node) {
     const std::size_t j = static_cast<std::size_t>(node);
     if (grid.node(grid.owner(grid.node_index(node))) == node &&
@@ -157,9 +157,9 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   in.line("cones", cones);
   in.line("contacts", contacts);
   try {
-    std::array<bool, std::size_t{Dim}> axes{};
+    SmallArray<bool, Dim> axes{};
     for (int a = 0; a < Dim; ++a)
-      axes[static_cast<std::size_t>(a)] = periodic[a] != 0;
+      axes[a] = periodic[a] != 0;
     problem.grid = Grid<Dim>(box, axes);
     problem.periodic = PeriodicNodes<Dim>(problem.grid);
   } catch (const std::invalid_argument& error) {
@@ -216,14 +216,13 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     if (!(problem.friction[i] >= 0 && problem.volume[i] > 0))
       in.fail("cone " + std::to_string(i) + " has a negative friction or volume");
   }
-  const std::vector<int> as_read = problem.node;
+  const Array<int> as_read = problem.node;
   std::vector<bool> carries(static_cast<std::size_t>(grid.node_count()));
   for (const int node : as_read)
-    carries[static_cast<std::size_t>(node)] = true;
-  std::vector<std::size_t> counts;
+    carries[node] = true;
+  Array<std::size_t> counts;
   collect_cones(
-      BlockOrder<Dim>(grid), [&](int node) { return carries[static_cast<std::size_t>(node)]; },
-      Execution(), counts, problem);
+      BlockOrder<Dim>(grid), [&](int node) { return carries[node]; }, Execution(), counts, problem);
   if (problem.node != as_read)
     in.fail("its cones are not in the order of the blocks");
   std::size_t taken = 0;

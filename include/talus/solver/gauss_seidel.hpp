@@ -4,6 +4,7 @@
 #include "talus/cone/law.hpp"
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/projection_step.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/dual/body_contact.hpp"
@@ -20,7 +21,6 @@
 #include <cstddef>
 #include <limits>
 #include <type_traits>
-#include <vector>
 
 namespace talus {
 
@@ -55,17 +55,17 @@ class GaussSeidel {
   template <int Dim>
   requires(LocalSolver<Local, Law, symmetric_size<Dim>> ||
            LocalStep<Local, Law, symmetric_size<Dim>>) struct Workspace {
-    std::vector<typename Local::template Prepared<Law, symmetric_size<Dim>>> prepared; ///< #cones
-    std::vector<Mat<symmetric_size<Dim>>> diagonal; ///< W_ii, #cones; for local solvers only
-    std::vector<double> inverse_scale;              ///< 1/w_i, w_i = tr W_ii/s, #cones
-    std::vector<std::size_t> misses;                ///< local solves that failed, #blocks
-    std::vector<double> change2; ///< Σ w_i |Δλ_i|² of the last sweep, #blocks
-    double body_change2 = 0;     ///< the same of the contacts of free bodies
+    Array<typename Local::template Prepared<Law, symmetric_size<Dim>>> prepared; ///< #cones
+    Array<Mat<symmetric_size<Dim>>> diagonal; ///< W_ii, #cones; for local solvers only
+    Array<double> inverse_scale;              ///< 1/w_i, w_i = tr W_ii/s, #cones
+    Array<std::size_t> misses;                ///< local solves that failed, #blocks
+    Array<double> change2;                    ///< Σ w_i |Δλ_i|² of the last sweep, #blocks
+    double body_change2 = 0;                  ///< the same of the contacts of free bodies
     // x_{k−1}
-    std::vector<Vec<symmetric_size<Dim>>> last_stress; ///< #cones
-    std::vector<Vec<Dim>> last_impulse;                ///< #contacts, then #body_contacts
-    std::vector<FreeBody<Dim>> last_body;              ///< #bodies
-    std::vector<NodeVec<Dim>> last_velocity;           ///< #cones
+    Array<Vec<symmetric_size<Dim>>> last_stress; ///< #cones
+    Array<Vec<Dim>> last_impulse;                ///< #contacts, then #body_contacts
+    Array<FreeBody<Dim>> last_body;              ///< #bodies
+    Array<NodeVec<Dim>> last_velocity;           ///< #cones
     ResidualMeter<Dim> meter;
   };
 
@@ -301,8 +301,7 @@ class GaussSeidel {
                            i < static_cast<std::size_t>(end); ++i) {
                         move(problem.stress[i], workspace.last_stress[i]);
                         // nothing else moves
-                        move(problem.velocity[static_cast<std::size_t>(problem.node[i])],
-                             workspace.last_velocity[i]);
+                        move(problem.velocity[problem.node[i]], workspace.last_velocity[i]);
                       }
                     });
     problem.periodic.copy(problem.velocity, team);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/operator.hpp"
@@ -11,7 +12,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 namespace talus {
 
@@ -39,14 +39,14 @@ template <int Dim>
 class ViscousSolver {
  public:
   /// material_volume: V_i, #nodes, m^d; time_step: δt, s.
-  ViscousReport solve(DualProblem<Dim>& problem, const std::vector<double>& material_volume,
+  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& material_volume,
                       const Viscosity& viscosity, double time_step, const Execution& execution) {
     ViscousReport report;
     if (viscosity.eta == 0)
       return report;
     const double factor = 2 * viscosity.eta * time_step;
     start(problem, material_volume, factor, execution);
-    std::vector<Wide>& u = problem.velocity;
+    Array<Wide>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
     multiply(problem, material_volume, factor, u, execution);
@@ -96,7 +96,7 @@ class ViscousSolver {
 
   /// What the viscous stress of the last solve gave to a node, −δt K u', N s (per metre in 2-D): to
   /// what holds it, if it is held.
-  Vec<Dim> impulse(std::size_t node) const {
+  Vec<Dim> impulse(int node) const {
     if (product_.empty())
       return Vec<Dim>::Zero();
     return -product_[node].template head<Dim>();
@@ -125,11 +125,11 @@ class ViscousSolver {
   template <class Body>
   static void for_each(const DualProblem<Dim>& problem, const Execution& execution,
                        const Body& body) {
-    execution.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()), [&](std::ptrdiff_t begin,
-                                                                           std::ptrdiff_t end) {
-      for (std::ptrdiff_t i = begin; i < end; ++i)
-        body(static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]));
-    });
+    execution.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()),
+                         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                           for (std::ptrdiff_t i = begin; i < end; ++i)
+                             body(static_cast<std::size_t>(problem.node[i]));
+                         });
   }
 
   /// Σ of term(node, inverse mass) over the nodes that carry a cone.
@@ -140,8 +140,7 @@ class ViscousSolver {
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
           Sums total;
           for (std::ptrdiff_t i = begin; i < end; ++i) {
-            const std::size_t j =
-                static_cast<std::size_t>(problem.node[static_cast<std::size_t>(i)]);
+            const std::size_t j = static_cast<std::size_t>(problem.node[i]);
             total = join(total, term(j, problem.inverse_mass[j]));
           }
           return total;
@@ -153,8 +152,8 @@ class ViscousSolver {
   }
 
   /// The inverse of the diagonal of M + δt K; sizes the workspace.
-  void start(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-             double factor, const Execution& execution) {
+  void start(const DualProblem<Dim>& problem, const Array<double>& material_volume, double factor,
+             const Execution& execution) {
     const std::size_t nodes = problem.velocity.size();
     stencil_ = Stencil<Dim>(problem.grid);
     product_.resize(nodes);
@@ -163,14 +162,13 @@ class ViscousSolver {
     inverse_diagonal_.assign(nodes, Wide::Zero());
     for_each_cone(problem, execution, [&](std::size_t i) {
       const int node = problem.node[i];
-      const double weight = factor / material_volume[static_cast<std::size_t>(node)];
+      const double weight = factor / material_volume[node];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k) {
           // e_a · sym(e_a ⊗ g) g = (|g|² + g_a²)/2
           const Vec<Dim> g = problem.coupling[i].col(3 * r + k);
-          inverse_diagonal_[static_cast<std::size_t>(node + stencil_.row(r) + k)]
-              .template head<Dim>()
-              .array() += weight / 2 * (g.squaredNorm() + g.array().square());
+          inverse_diagonal_[node + stencil_.row(r) + k].template head<Dim>().array() +=
+              weight / 2 * (g.squaredNorm() + g.array().square());
         }
     });
     problem.periodic.fold(inverse_diagonal_);
@@ -182,8 +180,8 @@ class ViscousSolver {
   }
 
   /// product_ = δt K v.
-  void multiply(const DualProblem<Dim>& problem, const std::vector<double>& material_volume,
-                double factor, std::vector<Wide>& v, const Execution& execution) {
+  void multiply(const DualProblem<Dim>& problem, const Array<double>& material_volume,
+                double factor, Array<Wide>& v, const Execution& execution) {
     problem.periodic.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       std::fill(product_.begin() + begin, product_.begin() + end, Wide::Zero());
@@ -203,8 +201,8 @@ class ViscousSolver {
   }
 
   Stencil<Dim> stencil_;
-  std::vector<Wide> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
-  std::vector<Sums> partials_;
+  Array<Wide> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
+  Array<Sums> partials_;
 };
 
 } // namespace talus

@@ -4,6 +4,7 @@
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/obstacle.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
@@ -24,9 +25,9 @@ struct Boundaries {
   const Faces<Dim>& faces;
   const std::vector<std::shared_ptr<const Obstacle<Dim>>>& obstacles;
   const std::vector<Body<Dim>>& bodies;
-  const std::vector<RigidState<Dim>>& body_states; ///< #bodies: where they are now
-  const std::vector<double>& body_reach;           ///< #bodies, m: see FreeBodies
-  double time;                                     ///< s
+  const Array<RigidState<Dim>>& body_states; ///< #bodies: where they are now
+  const Array<double>& body_reach;           ///< #bodies, m: see FreeBodies
+  double time;                               ///< s
 
   static int face_source(int axis, bool upper) { return 2 * axis + (upper ? 1 : 0); }
   int obstacle_source(std::size_t obstacle) const { return 2 * Dim + static_cast<int>(obstacle); }

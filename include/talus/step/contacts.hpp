@@ -4,6 +4,7 @@
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/obstacle.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
@@ -17,7 +18,6 @@
 #include <algorithm>
 #include <compare>
 #include <cstddef>
-#include <vector>
 
 /// \file
 /// The Coulomb contacts of a step. Each goes on from the impulse that it had in the last one.
@@ -38,7 +38,7 @@ template <class AnyContact>
 class LastImpulses {
  public:
   /// ratio: this time step over the last; impulses are forces times δt.
-  LastImpulses(const std::vector<AnyContact>& last, double ratio) : last_(last), ratio_(ratio) {}
+  LastImpulses(const Array<AnyContact>& last, double ratio) : last_(last), ratio_(ratio) {}
 
   /// place_of(contact): its ContactPlace. Must be called in the order of places.
   template <class PlaceOf>
@@ -51,7 +51,7 @@ class LastImpulses {
   }
 
  private:
-  const std::vector<AnyContact>& last_;
+  const Array<AnyContact>& last_;
   double ratio_;
   std::size_t next_ = 0;
 };
@@ -61,13 +61,13 @@ class LastImpulses {
 /// Throws std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
 void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& solids,
-                      const std::vector<std::size_t>& node_rank,
-                      LastImpulses<Contact<Dim>> impulses, DualProblem<Dim>& problem) {
+                      const Array<std::size_t>& node_rank, LastImpulses<Contact<Dim>> impulses,
+                      DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.contacts.clear();
   const auto add = [&](Contact<Dim> contact) {
     impulses.give(contact, [&](const Contact<Dim>& c) {
-      return ContactPlace{0, node_rank[static_cast<std::size_t>(c.node)], c.source};
+      return ContactPlace{0, node_rank[c.node], c.source};
     });
     problem.contacts.push_back(contact);
   };
@@ -75,7 +75,7 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
     block.contact_begin = problem.contacts.size();
     for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
       const int node = problem.node[i];
-      const NodeVec<Dim>& inverse_mass = problem.inverse_mass[static_cast<std::size_t>(node)];
+      const NodeVec<Dim>& inverse_mass = problem.inverse_mass[node];
       const Index<Dim> index = grid.node_index(node);
       for_each_face(grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
         if (face.kind != FaceKind::frictional || !(inverse_mass[axis] > 0))
@@ -112,15 +112,14 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
 /// solids: with what each cone sees; time_step: s.
 template <int Dim>
 void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
-                           const std::vector<std::size_t>& node_rank, double time_step,
+                           const Array<std::size_t>& node_rank, double time_step,
                            LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.body_contacts.clear();
   const auto add = [&](BodyContact<Dim>& contact) {
     impulses.give(contact, [&](const BodyContact<Dim>& c) {
-      const std::size_t place = c.node < 0
-                                    ? node_rank.size() + static_cast<std::size_t>(-1 - c.node)
-                                    : node_rank[static_cast<std::size_t>(c.node)];
+      const std::size_t place =
+          c.node < 0 ? node_rank.size() + static_cast<std::size_t>(-1 - c.node) : node_rank[c.node];
       return ContactPlace{c.body, place, c.source};
     });
     contact.inverse_mass = contact_inverse_mass(problem, contact);
@@ -137,7 +136,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
     contact.friction = body.friction;
     for (; next != held.end() && next->first == b; ++next) {
       const int node = problem.node[next->second];
-      if (!(problem.inverse_mass[static_cast<std::size_t>(node)].maxCoeff() > 0))
+      if (!(problem.inverse_mass[node].maxCoeff() > 0))
         continue; // it cannot move
       const Vec<Dim> x = grid.node_position(node);
       contact.node = node;
@@ -156,8 +155,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
         grid, bounds.faces, body, state, [&](std::size_t c, int axis, bool upper, double gap) {
           if (gap > std::max(grid.spacing()[axis], 2 * way))
             return; // it does not come there in this step
-          const std::size_t s = static_cast<std::size_t>(axis);
-          const Face& face = upper ? bounds.faces.upper[s] : bounds.faces.lower[s];
+          const Face& face = upper ? bounds.faces.upper[axis] : bounds.faces.lower[axis];
           BodyContact<Dim> touch;
           touch.node = -1 - static_cast<int>(c);
           touch.source = bounds.face_source(axis, upper);

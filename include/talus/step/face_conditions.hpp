@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -12,7 +13,6 @@
 #include <iterator>
 #include <limits>
 #include <utility>
-#include <vector>
 
 /// \file
 /// What the faces of the box do to nodes and particles, but for friction: see contacts.hpp.
@@ -21,19 +21,18 @@ namespace talus {
 
 /// u = 0 at nodes on sticking faces, u·n = 0 on slipping ones; there the inverse mass is 0 as well.
 template <int Dim>
-void hold_at_faces(const Faces<Dim>& faces, const std::vector<int>& nodes,
-                   const Execution& execution, DualProblem<Dim>& problem) {
+void hold_at_faces(const Faces<Dim>& faces, const Array<int>& nodes, const Execution& execution,
+                   DualProblem<Dim>& problem) {
   execution.for_each(std::ssize(nodes), [&](std::ptrdiff_t k) {
-    const int node = nodes[static_cast<std::size_t>(k)];
-    const std::size_t j = static_cast<std::size_t>(node);
+    const int node = nodes[k];
     for_each_face(problem.grid, faces, problem.grid.node_index(node),
                   [&](int axis, bool, const Face& face) {
                     if (face.kind == FaceKind::stick) {
-                      problem.velocity[j].setZero();
-                      problem.inverse_mass[j].setZero();
+                      problem.velocity[node].setZero();
+                      problem.inverse_mass[node].setZero();
                     } else if (face.kind == FaceKind::slip) {
-                      problem.velocity[j][axis] = 0;
-                      problem.inverse_mass[j][axis] = 0;
+                      problem.velocity[node][axis] = 0;
+                      problem.inverse_mass[node][axis] = 0;
                     }
                   });
   });
@@ -45,10 +44,9 @@ template <int Dim>
 std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Grid<Dim>& grid) {
   Vec<Dim> lower = grid.origin(), upper = grid.upper();
   for (int a = 0; a < Dim; ++a) {
-    const std::size_t s = static_cast<std::size_t>(a);
-    if (faces.lower[s].kind == FaceKind::free || grid.periodic(a))
+    if (faces.lower[a].kind == FaceKind::free || grid.periodic(a))
       lower[a] = -std::numeric_limits<double>::infinity();
-    if (faces.upper[s].kind == FaceKind::free || grid.periodic(a))
+    if (faces.upper[a].kind == FaceKind::free || grid.periodic(a))
       upper[a] = std::numeric_limits<double>::infinity();
   }
   return {lower, upper};
@@ -66,7 +64,7 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid,
                        Particles<Dim, Real>& particles) {
   Outflow outflow;
   bool open = false;
-  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+  for (int a = 0; a < Dim; ++a)
     open = open || faces.lower[a].kind == FaceKind::free || faces.upper[a].kind == FaceKind::free;
   if (!open)
     return outflow;

@@ -4,6 +4,7 @@
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/signed_distance.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -22,13 +23,13 @@
 
 namespace talus {
 
-/// Where the free bodies are, and what follows from their parameters; #bodies each.
+/// What follows from the parameters of the free bodies; #bodies each.
 template <int Dim>
 struct FreeBodies {
-  std::vector<RigidState<Dim>> state;
-  std::vector<double> radius;                       ///< of their corners, m
-  std::vector<double> reach;                        ///< of their shapes and corners, m
-  std::vector<Mat<spin_size<Dim>>> inverse_inertia; ///< in their own frames; 0: it does not rotate
+  Array<RigidState<Dim>> start;
+  Array<double> radius;                       ///< of their corners, m
+  Array<double> reach;                        ///< of their shapes and corners, m
+  Array<Mat<spin_size<Dim>>> inverse_inertia; ///< in their own frames; 0: it does not rotate
 };
 
 /// A bound of how far a shape reaches from its origin, m: the corner of the box that is free of it,
@@ -72,10 +73,9 @@ void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const B
   for (std::size_t c = 0; c < body.corners.size(); ++c) {
     const Vec<Dim> x = plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[c]));
     for (int a = 0; a < Dim; ++a) {
-      const std::size_t s = static_cast<std::size_t>(a);
-      if (faces.lower[s].kind != FaceKind::free)
+      if (faces.lower[a].kind != FaceKind::free)
         visit(c, a, false, x[a] - body.corner_radius - grid.origin()[a]);
-      if (faces.upper[s].kind != FaceKind::free)
+      if (faces.upper[a].kind != FaceKind::free)
         visit(c, a, true, grid.upper()[a] - body.corner_radius - x[a]);
     }
   }
@@ -85,7 +85,7 @@ void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const B
 /// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box.
 template <int Dim>
 void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<Dim>& faces,
-                      const std::vector<int>& nodes) {
+                      const Array<int>& nodes) {
   body.validate();
   check_rigid_state("a body", body.start);
   const Placed<Dim> placed{body.shape, body.start};
@@ -104,7 +104,7 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
 /// The bodies at their start; throws as check_body_start.
 template <int Dim>
 FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Dim>& grid,
-                             const Faces<Dim>& faces, const std::vector<int>& nodes) {
+                             const Faces<Dim>& faces, const Array<int>& nodes) {
   FreeBodies<Dim> free;
   for (const Body<Dim>& body : bodies) {
     check_body_start(body, grid, faces, nodes);
@@ -113,12 +113,12 @@ FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Di
       radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);
     free.radius.push_back(radius);
     free.reach.push_back(std::max(radius, reach_of(body.shape, 1e3 * grid.size().norm())));
-    free.state.push_back(body.start);
+    free.start.push_back(body.start);
     if (body.rotates) {
       free.inverse_inertia.push_back(body.inverse_inertia());
     } else {
       free.inverse_inertia.push_back(Mat<spin_size<Dim>>::Zero());
-      free.state.back().angular_velocity.setZero();
+      free.start.back().angular_velocity.setZero();
     }
   }
   return free;
@@ -137,24 +137,26 @@ Mat<spin_size<Dim>> in_box(const RigidState<Dim>& body, const Mat<spin_size<Dim>
 /// gravity makes, m/s.
 template <int Dim>
 void set_free_velocities(const std::vector<Body<Dim>>& bodies, const FreeBodies<Dim>& free,
-                         const Vec<Dim>& change, DualProblem<Dim>& problem) {
+                         const Array<RigidState<Dim>>& states, const Vec<Dim>& change,
+                         DualProblem<Dim>& problem) {
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     FreeBody<Dim>& body = problem.bodies[b];
-    body.velocity = plus<Dim>(free.state[b].velocity, change);
-    body.angular_velocity = free.state[b].angular_velocity;
+    body.velocity = plus<Dim>(states[b].velocity, change);
+    body.angular_velocity = states[b].angular_velocity;
     body.inverse_mass = 1 / bodies[b].mass;
-    body.inverse_inertia = in_box(free.state[b], free.inverse_inertia[b]);
+    body.inverse_inertia = in_box(states[b], free.inverse_inertia[b]);
   }
 }
 
 /// Moves the bodies on for `time` (s) with the velocities that the solve found. Without torque J ω
 /// stays: ω follows J, which turns with the body. Returns how many left the box.
 template <int Dim>
-std::size_t move_bodies(const std::vector<Body<Dim>>& bodies, const DualProblem<Dim>& problem,
-                        double time, FreeBodies<Dim>& free) {
+std::size_t move_bodies(const std::vector<Body<Dim>>& bodies, const FreeBodies<Dim>& free,
+                        const DualProblem<Dim>& problem, double time,
+                        Array<RigidState<Dim>>& states) {
   std::size_t left = 0;
   for (std::size_t b = 0; b < bodies.size(); ++b) {
-    RigidState<Dim>& body = free.state[b];
+    RigidState<Dim>& body = states[b];
     const bool was_out = has_left(problem.grid, body.position, free.reach[b]);
     body.velocity = problem.bodies[b].velocity;
     body.angular_velocity = problem.bodies[b].angular_velocity;

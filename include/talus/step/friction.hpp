@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -10,7 +11,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <vector>
 
 /// \file
 /// Friction and cohesion of the cones, from the rheology.
@@ -75,7 +75,7 @@ double cone_inertial_number(const R& rheology, const DualProblem<Dim>& problem,
 /// when the changes do not.
 class FrictionIteration {
  public:
-  std::vector<double> next; ///< μ̃ from the rheology, #cones; to be filled before each update
+  Array<double> next; ///< μ̃ from the rheology, #cones; to be filled before each update
 
   /// The change that all of next would make to the yield stress μ p, relative, in the mean square.
   template <int Dim>

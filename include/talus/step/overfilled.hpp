@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/particles.hpp"
@@ -8,7 +9,6 @@
 #include <cmath>
 #include <cstddef>
 #include <string>
-#include <vector>
 
 namespace talus {
 
@@ -19,8 +19,8 @@ template <int Dim, class Real>
 void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid,
                       double densest) {
   // by the cells' first nodes, whose numbers have room for neighbours on every side
-  std::vector<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
-  std::vector<int> count(volume.size(), 0);
+  Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
+  Array<int> count(volume.size(), 0);
   for (std::size_t p = 0; p < particles.size(); ++p) {
     const auto first =
         static_cast<std::size_t>(grid.first_node(grid.cell_at(particles.position[p])));
@@ -30,7 +30,7 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
   for (int c = 0; c < grid.cell_count(); ++c) {
     const Index<Dim> cell = grid.cell_index(c);
     const int first = grid.first_node(cell);
-    if (count[static_cast<std::size_t>(first)] == 0)
+    if (count[first] == 0)
       continue;
     double sum = 0, room = grid.cell_volume();
     int particles_there = 0;

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/solver/solver.hpp"
 #include "talus/solver/viscous_solver.hpp"
+#include "talus/step/node_fields.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <string_view>
-#include <vector>
 
 namespace talus {
 
@@ -67,7 +68,7 @@ inline double larger_or_nan(double a, double b) {
 /// The largest of value(cone), at least 0, or NaN if there is one.
 template <int Dim, class ValueOf>
 double largest_of_cones(const DualProblem<Dim>& problem, const Execution& execution,
-                        std::vector<double>& partials, const ValueOf& value) {
+                        Array<double>& partials, const ValueOf& value) {
   return execution.reduce(
       static_cast<std::ptrdiff_t>(problem.cones()), partials, 0.0,
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -79,15 +80,14 @@ double largest_of_cones(const DualProblem<Dim>& problem, const Execution& execut
       larger_or_nan);
 }
 
-/// Largest φ_i of the nodes that carry cones and that no solid takes a part of. open_share,
-/// material_volume (m^d): #nodes; partials: workspace.
+/// Largest φ_i of the nodes that carry cones and that no solid takes a part of. partials:
+/// workspace.
 template <int Dim>
-double largest_fraction(const DualProblem<Dim>& problem, const std::vector<double>& open_share,
-                        const std::vector<double>& material_volume, const Execution& execution,
-                        std::vector<double>& partials) {
+double largest_fraction(const DualProblem<Dim>& problem, const NodeFields& fields,
+                        const Execution& execution, Array<double>& partials) {
   return largest_of_cones(problem, execution, partials, [&](std::size_t i) {
-    const std::size_t j = static_cast<std::size_t>(problem.node[i]);
-    return open_share[j] == 1 ? material_volume[j] / problem.volume[i] : 0;
+    const int j = problem.node[i];
+    return fields.open_share[j] == 1 ? fields.material_volume[j] / problem.volume[i] : 0;
   });
 }
 
@@ -95,12 +95,12 @@ double largest_fraction(const DualProblem<Dim>& problem, const std::vector<doubl
 /// of a body is not. time_step: δt, s; partials: workspace.
 template <int Dim>
 double courant_number(const DualProblem<Dim>& problem, double time_step, const Execution& execution,
-                      std::vector<double>& partials) {
+                      Array<double>& partials) {
   const double largest = largest_of_cones(problem, execution, partials, [&](std::size_t i) {
     double largest_rate = 0;
     for (int a = 0; a < Dim; ++a) {
-      const double rate = std::abs(problem.velocity[static_cast<std::size_t>(problem.node[i])][a]) *
-                          problem.grid.inverse_spacing()[a];
+      const double rate =
+          std::abs(problem.velocity[problem.node[i]][a]) * problem.grid.inverse_spacing()[a];
       largest_rate = larger_or_nan(largest_rate, rate);
     }
     return largest_rate;

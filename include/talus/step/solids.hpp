@@ -5,6 +5,7 @@
 #include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/boundary/signed_distance.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
@@ -15,7 +16,6 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
-#include <vector>
 
 namespace talus {
 
@@ -86,11 +86,11 @@ class SolidsAtCones {
 
   /// Lists for each cone the solids that it may see, by their number. node_cone: the cone of a node
   /// or −1, #nodes.
-  void find(const Grid<Dim>& grid, const std::vector<int>& node_cone, std::size_t cones) {
+  void find(const Grid<Dim>& grid, const Array<int>& node_cone, std::size_t cones) {
     const auto for_each_pair = [&](const auto& visit) {
       for (std::size_t s = 0; s < frame_.size(); ++s)
         for_each_node_near(grid, s, [&](int node) {
-          if (const int cone = node_cone[static_cast<std::size_t>(node)]; cone >= 0)
+          if (const int cone = node_cone[node]; cone >= 0)
             visit(static_cast<std::size_t>(cone), static_cast<int>(s));
         });
     };
@@ -146,8 +146,7 @@ class SolidsAtCones {
   }
 
   /// The pairs of a body and a cone whose node it holds, by body, then cone.
-  const std::vector<std::pair<std::size_t, std::size_t>>&
-  held_by_bodies(const Boundaries<Dim>& bounds) {
+  const Array<std::pair<std::size_t, std::size_t>>& held_by_bodies(const Boundaries<Dim>& bounds) {
     by_body_.clear();
     for (std::size_t cone = 0; cone + 2 < begin_.size(); ++cone)
       for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e)
@@ -164,12 +163,12 @@ class SolidsAtCones {
     bool holds = false; ///< the node: it is a contact
   };
 
-  double far_ = 0;                     ///< m
-  std::vector<Vec<Dim>> half_box_;     ///< #solids, m
-  std::vector<RigidState<Dim>> frame_; ///< #solids
-  std::vector<std::size_t> begin_;     ///< of each cone's entries, #cones + 2
-  std::vector<Entry> entries_;
-  std::vector<std::pair<std::size_t, std::size_t>> by_body_;
+  double far_ = 0;               ///< m
+  Array<Vec<Dim>> half_box_;     ///< #solids, m
+  Array<RigidState<Dim>> frame_; ///< #solids
+  Array<std::size_t> begin_;     ///< of each cone's entries, #cones + 2
+  Array<Entry> entries_;
+  Array<std::pair<std::size_t, std::size_t>> by_body_;
 };
 
 } // namespace talus

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/body.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -12,50 +13,34 @@
 #include "talus/step/free_bodies.hpp"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <string>
-#include <vector>
 
 namespace talus {
 
 /// All that a simulation hands from one step to the next.
 template <int Dim, class Real = double>
 struct SimulationState {
-  double time = 0;                                   ///< s
-  std::size_t steps = 0;                             ///< made so far
-  double time_step = 0;                              ///< δt of the last step, s
-  Vec<Dim> gravity = Vec<Dim>::Zero();               ///< m/s²
-  Particles<Dim, Real> particles;                    ///< their order counts: sums depend on it
-  std::vector<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
-  std::vector<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
-  std::vector<RigidState<Dim>> bodies;
-  std::vector<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
-};
-
-/// The same without a copy: a view of a simulation, valid until its next step.
-template <int Dim, class Real = double>
-struct SimulationStateView {
-  double time;
-  std::size_t steps;
-  double time_step;
-  const Vec<Dim>& gravity;
-  const Particles<Dim, Real>& particles;
-  const std::vector<Vec<symmetric_size<Dim>>>& node_stress;
-  const std::vector<Contact<Dim>>& contacts;
-  const std::vector<RigidState<Dim>>& bodies;
-  const std::vector<BodyContact<Dim>>& body_contacts;
+  double time = 0;                             ///< s
+  std::size_t steps = 0;                       ///< made so far
+  double time_step = 0;                        ///< δt of the last step, s
+  Vec<Dim> gravity = Vec<Dim>::Zero();         ///< m/s²
+  Particles<Dim, Real> particles;              ///< their order counts: sums depend on it
+  Array<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
+  Array<Contact<Dim>> contacts;                ///< node, source and impulse of each: the warm start
+  Array<RigidState<Dim>> bodies;
+  Array<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
 };
 
 /// Throws std::invalid_argument unless gravity (m/s²), not_given by default, is finite.
 template <int Dim>
 void check_gravity(const std::string& name, const Vec<Dim>& gravity) {
-  constexpr std::array axis_names{".x", ".y", ".z"};
+  constexpr const char* axis_names[] = {".x", ".y", ".z"};
   for (int a = 0; a < Dim; ++a)
     if (!std::isfinite(gravity[a]))
-      throw_invalid(name + axis_names[static_cast<std::size_t>(a)],
+      throw_invalid(name + axis_names[a],
                     std::isnan(gravity[a]) ? "nan, not given" : text_of(gravity[a]),
                     std::string("finite numbers, m/s²; it has no default: ") +
                         (Dim == 2 ? "{0, 0}" : "{0, 0, 0}") + " for none");
@@ -64,7 +49,7 @@ void check_gravity(const std::string& name, const Vec<Dim>& gravity) {
 /// Throws std::invalid_argument unless all ids differ and are below next_id.
 template <int Dim, class Real>
 void check_ids(const Particles<Dim, Real>& particles) {
-  std::vector<std::size_t> ids = particles.id;
+  Array<std::size_t> ids = particles.id;
   std::sort(ids.begin(), ids.end());
   if (const auto twice = std::adjacent_find(ids.begin(), ids.end()); twice != ids.end())
     throw_invalid("the id of two particles", *twice, "ids that differ");
@@ -147,7 +132,7 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
     check_impulse(contact);
     if (contact.body < 0 || contact.body >= static_cast<int>(bounds.bodies.size()))
       throw_invalid("the body of a contact", contact.body, "a body of the simulation");
-    const Body<Dim>& body = bounds.bodies[static_cast<std::size_t>(contact.body)];
+    const Body<Dim>& body = bounds.bodies[contact.body];
     if (contact.node < -static_cast<int>(body.corners.size()) || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid, or a corner");
   }

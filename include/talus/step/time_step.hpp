@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/obstacle.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
@@ -13,7 +14,6 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <vector>
 
 namespace talus {
 
@@ -26,15 +26,14 @@ namespace talus {
 /// std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
 double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
-                     const SolidsAtCones<Dim>& solids, const std::vector<int>& nodes,
-                     const std::vector<NodeVec<Dim>>& velocity, const FreeBodies<Dim>& bodies,
+                     const SolidsAtCones<Dim>& solids, const Array<int>& nodes,
+                     const Array<NodeVec<Dim>>& velocity, const FreeBodies<Dim>& bodies,
                      const Vec<Dim>& gravity) {
   const Grid<Dim>& grid = bounds.grid;
   double rate = cfl / largest; // cells a second
   for (const int node : nodes)
     for (int a = 0; a < Dim; ++a) {
-      const double speed =
-          std::abs(velocity[static_cast<std::size_t>(node)][a]) + std::abs(gravity[a]) * largest;
+      const double speed = std::abs(velocity[node][a]) + std::abs(gravity[a]) * largest;
       rate = std::max(rate, speed * grid.inverse_spacing()[a]);
     }
   for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
@@ -47,13 +46,14 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
       for (int a = 0; a < Dim; ++a)
         rate = std::max(rate, std::abs(held->velocity[a]) * grid.inverse_spacing()[a]);
     });
-  for (std::size_t b = 0; b < bodies.state.size(); ++b) {
+  for (std::size_t b = 0; b < bounds.body_states.size(); ++b) {
     double of_body = 0, to_box = std::numeric_limits<double>::infinity();
     for (int a = 0; a < Dim; ++a) {
-      const double speed = std::abs(bodies.state[b].velocity[a]) + std::abs(gravity[a]) * largest +
-                           bodies.state[b].angular_velocity.norm() * bodies.radius[b];
+      const double speed = std::abs(bounds.body_states[b].velocity[a]) +
+                           std::abs(gravity[a]) * largest +
+                           bounds.body_states[b].angular_velocity.norm() * bodies.radius[b];
       of_body = std::max(of_body, speed * grid.inverse_spacing()[a]);
-      const double gap = gap_to_box(grid, bodies.state[b].position, bodies.reach[b], a);
+      const double gap = gap_to_box(grid, bounds.body_states[b].position, bodies.reach[b], a);
       if (gap > 0)
         to_box = std::min(to_box, cfl * speed / (gap + cfl * grid.spacing()[a]));
     }

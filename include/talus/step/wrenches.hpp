@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
@@ -9,11 +10,10 @@
 #include "talus/dual/problem.hpp"
 #include "talus/solver/viscous_solver.hpp"
 #include "talus/step/boundaries.hpp"
+#include "talus/step/node_fields.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
-#include <vector>
 
 /// \file
 /// Force and torque on all that bounds the material.
@@ -24,10 +24,9 @@ namespace talus {
 template <int Dim>
 struct SolvedStep {
   const DualProblem<Dim>& problem;
-  const std::vector<Vec<symmetric_size<Dim>>>& node_stress; ///< λ, #nodes, Pa s
-  const std::vector<int>& node_cone;                        ///< the cone of a node or −1, #nodes
-  const std::vector<double>& material_volume;               ///< Σ V_p N_i, #nodes, m^d
-  const std::vector<NodeVec<Dim>>& velocity_before;         ///< u*, #nodes, m/s
+  const Array<Vec<symmetric_size<Dim>>>& node_stress; ///< λ, #nodes, Pa s
+  const NodeFields& fields;
+  const StepWorkspace<Dim>& work;
   const ViscousSolver<Dim>& viscous;
   double density;   ///< kg/m³
   double time_step; ///< δt, s
@@ -40,19 +39,18 @@ template <int Dim>
 Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
   constexpr int neighbours = Grid<Dim>::neighbours;
   const DualProblem<Dim>& problem = step.problem;
-  const std::size_t j = static_cast<std::size_t>(node);
-  const Vec<Dim> before = step.velocity_before[j].template head<Dim>();
+  const Vec<Dim> before = step.work.velocity_before[node].template head<Dim>();
   Vec<Dim> momentum =
-      step.density * step.material_volume[j] * (before + step.time_step * step.gravity);
+      step.density * step.fields.material_volume[node] * (before + step.time_step * step.gravity);
   for (int k = 0; k < neighbours; ++k) {
-    const std::size_t other = static_cast<std::size_t>(node + problem.grid.neighbour_offset(k));
-    const int cone = step.node_cone[other];
+    const int other = node + problem.grid.neighbour_offset(k);
+    const int cone = step.work.cone[other];
     if (cone < 0)
       continue;
     momentum += vector_to_symmetric<Dim, double>(step.node_stress[other]) *
-                problem.coupling[static_cast<std::size_t>(cone)].col(neighbours - 1 - k);
+                problem.coupling[cone].col(neighbours - 1 - k);
   }
-  return momentum + step.viscous.impulse(j);
+  return momentum + step.viscous.impulse(node);
 }
 
 /// Gives the momentum of a node to the faces that hold it. Where several faces that stick meet,
@@ -60,13 +58,13 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
 /// wrenches: by source.
 template <int Dim>
 void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec<Dim>& inverse_mass,
-                          const Vec<Dim>& momentum, std::vector<Wrench<Dim>>& wrenches) {
+                          const Vec<Dim>& momentum, Array<Wrench<Dim>>& wrenches) {
   const Index<Dim> index = bounds.grid.node_index(node);
   for (int a = 0; a < Dim; ++a) {
     if (inverse_mass[a] != 0)
       continue;
-    std::array<int, static_cast<std::size_t>(Dim)> sources{};
-    std::size_t count = 0;
+    SmallArray<int, Dim> sources;
+    int count = 0;
     bool normal = false;
     for_each_face(bounds.grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
       const bool holds = face.kind == FaceKind::stick || face.kind == FaceKind::slip;
@@ -80,9 +78,9 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
     });
     Vec<Dim> share = Vec<Dim>::Zero();
     if (count > 0)
-      share[a] = momentum[a] / static_cast<double>(count);
-    for (std::size_t k = 0; k < count; ++k)
-      wrenches[static_cast<std::size_t>(sources[k])].add(bounds.grid.node_position(index), share);
+      share[a] = momentum[a] / count;
+    for (int k = 0; k < count; ++k)
+      wrenches[sources[k]].add(bounds.grid.node_position(index), share);
   }
 }
 
@@ -91,18 +89,14 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
 /// wrenches: #sources, by source.
 template <int Dim>
 void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step,
-                      std::vector<Wrench<Dim>>& wrenches) {
+                      Array<Wrench<Dim>>& wrenches) {
   const DualProblem<Dim>& problem = step.problem;
   std::fill(wrenches.begin(), wrenches.end(), Wrench<Dim>());
-  const auto wrench = [&](int source) -> Wrench<Dim>& {
-    return wrenches[static_cast<std::size_t>(source)];
-  };
   const auto add_if_held = [&](int node, const Vec<Dim>& momentum) {
-    add_to_holding_faces(bounds, node, problem.inverse_mass[static_cast<std::size_t>(node)],
-                         momentum, wrenches);
+    add_to_holding_faces(bounds, node, problem.inverse_mass[node], momentum, wrenches);
   };
   for (const int node : problem.node) {
-    const NodeVec<Dim>& inverse_mass = problem.inverse_mass[static_cast<std::size_t>(node)];
+    const NodeVec<Dim>& inverse_mass = problem.inverse_mass[node];
     bool held = false;
     for (int a = 0; a < Dim; ++a)
       held = held || inverse_mass[a] == 0;
@@ -110,17 +104,16 @@ void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step
       add_if_held(node, momentum_if_free(step, node));
   }
   for (const Contact<Dim>& contact : problem.contacts) {
-    wrench(contact.source).add(bounds.grid.node_position(contact.node), -contact.impulse);
+    wrenches[contact.source].add(bounds.grid.node_position(contact.node), -contact.impulse);
     add_if_held(contact.node, contact.impulse);
   }
   for (const BodyContact<Dim>& contact : problem.body_contacts) {
-    const std::size_t b = static_cast<std::size_t>(contact.body);
-    const Vec<Dim> x = bounds.body_states[b].position + contact.arm;
-    wrench(bounds.body_source(b)).add(x, -contact.impulse);
+    const Vec<Dim> x = bounds.body_states[contact.body].position + contact.arm;
+    wrenches[bounds.body_source(0) + contact.body].add(x, -contact.impulse);
     if (contact.node >= 0)
       add_if_held(contact.node, contact.impulse);
     else
-      wrench(contact.source).add(x, contact.impulse);
+      wrenches[contact.source].add(x, contact.impulse);
   }
   for (Wrench<Dim>& w : wrenches) {
     w.force /= step.time_step;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -12,7 +13,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace talus {
 
@@ -242,10 +242,10 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
 template <ParticleField Field, int Dim, class Real>
 void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                       const Grid<Dim>& grid, const Execution& execution,
-                      std::vector<CellMoments<Dim>>& moments, bool even = false) {
+                      Array<CellMoments<Dim>>& moments, bool even = false) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));
   for_each_filled_cell(execution, order, grid, [&](int c) {
-    CellMoments<Dim>& m = moments[static_cast<std::size_t>(c)];
+    CellMoments<Dim>& m = moments[c];
     m = cell_moments<Field>(particles, order, grid, c);
     if (even)
       even_volume(grid.cell_volume(), m);
@@ -304,18 +304,18 @@ Vec<Dim> corner_first_moment(const CellMoments<Dim>& m, int corner) {
   Vec<Dim> moment;
   for (int a = 0; a < Dim; ++a) {
     // along a: N t = ± B_1; along the others: N = B_i + B_{i+1}
-    int first = stride[static_cast<std::size_t>(a)];
+    int first = stride[a];
     std::array<int, 2> steps{};
     int others = 0;
     for (int b = 0; b < Dim; ++b)
       if (b != a) {
-        first += G::corner_bit(corner, b) * stride[static_cast<std::size_t>(b)];
-        steps[static_cast<std::size_t>(others++)] = stride[static_cast<std::size_t>(b)];
+        first += G::corner_bit(corner, b) * stride[b];
+        steps[others++] = stride[b];
       }
     double sum = 0;
     for (int i = 0; i <= 1; ++i)
       for (int j = 0; j <= Dim - 2; ++j)
-        sum += m.volume[static_cast<std::size_t>(first + i * steps[0] + j * steps[1])];
+        sum += m.volume[first + i * steps[0] + j * steps[1]];
     moment[a] = G::corner_bit(corner, a) ? -sum : sum;
   }
   return moment;
@@ -329,7 +329,7 @@ void add_coupling(const CellMoments<Dim>& m, int corner, const Vec<Dim>& inverse
   constexpr std::array<int, 3> stride = Dim == 2 ? std::array{3, 1, 0} : std::array{9, 3, 1};
   int first = 0; // T of the lowest product N_i N_j
   for (int a = 0; a < Dim; ++a)
-    first += G::corner_bit(corner, a) * stride[static_cast<std::size_t>(a)];
+    first += G::corner_bit(corner, a) * stride[a];
   for (int other = 0; other < G::corners; ++other) {
     int neighbour = 0;
     for (int a = 0; a < Dim; ++a)
@@ -339,14 +339,49 @@ void add_coupling(const CellMoments<Dim>& m, int corner, const Vec<Dim>& inverse
       int t = first;
       for (int b = 0; b < Dim; ++b)
         if (b != a)
-          t += G::corner_bit(other, b) * stride[static_cast<std::size_t>(b)];
-      const double integral =
-          m.stress_volume[static_cast<std::size_t>(t)] +
-          m.stress_volume[static_cast<std::size_t>(t + stride[static_cast<std::size_t>(a)])];
+          t += G::corner_bit(other, b) * stride[b];
+      const double integral = m.stress_volume[t] + m.stress_volume[t + stride[a]];
       g(a, neighbour) +=
           G::corner_bit(other, a) ? integral * inverse_spacing[a] : -integral * inverse_spacing[a];
     }
   }
+}
+
+/// Along a periodic axis of one or two cells two or three neighbours are the same node, which then
+/// gets what all of them have. index: the node's.
+template <int Dim>
+void fold_neighbours(const Grid<Dim>& grid, const Index<Dim>& index, Coupling<Dim>& g) {
+  for (int a = 0; a < Dim; ++a) {
+    if (!grid.periodic(a) || grid.cells(a) > 2)
+      continue;
+    const int stride = ipow(3, Dim - 1 - a);
+    const int kept = grid.cells(a) == 1 ? 1 : index[a] == 0 ? 2 : 0; // of −1, 0, 1
+    for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+      const int place = k / stride % 3;
+      if (place == kept || (grid.cells(a) == 2 && place == 1))
+        continue;
+      g.col(k + (kept - place) * stride) += g.col(k);
+      g.col(k).setZero();
+    }
+  }
+}
+
+/// Sets the g_ij of a node i and returns Σ_p V_p N_i (x_p − x_i)/h by axis, m^d, from the moments
+/// of the cells around it. index: the node's.
+template <int Dim>
+Vec<Dim> gather_coupling(const Grid<Dim>& grid, const Index<Dim>& index,
+                         const CellOrder<Dim>& order, const Array<CellMoments<Dim>>& moments,
+                         Coupling<Dim>& g) {
+  g.setZero();
+  Vec<Dim> first_moment = Vec<Dim>::Zero();
+  for_each_cell_of_node(grid, index, [&](int cell, int corner) {
+    if (order.empty(cell))
+      return;
+    add_coupling(moments[cell], corner, grid.inverse_spacing(), g);
+    first_moment += corner_first_moment(moments[cell], corner);
+  });
+  fold_neighbours(grid, index, g);
+  return first_moment;
 }
 
 } // namespace talus

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
@@ -51,7 +52,7 @@ class CellOrder {
   }
 
   /// The particles of cell c are particle(k) for begin(c) ≤ k < begin(c + 1).
-  std::size_t begin(int cell) const { return begin_[static_cast<std::size_t>(cell)]; }
+  std::size_t begin(int cell) const { return begin_[cell]; }
   std::size_t particle(std::size_t k) const { return order_[k]; }
   bool empty(int cell) const { return begin(cell) == begin(cell + 1); }
 
@@ -116,8 +117,7 @@ class CellOrder {
 
   template <class Body>
   void for_each_part(const Execution& execution, const Body& body) {
-    execution.for_each(std::ssize(parts_),
-                       [&](std::ptrdiff_t t) { body(parts_[static_cast<std::size_t>(t)]); });
+    execution.for_each(std::ssize(parts_), [&](std::ptrdiff_t t) { body(parts_[t]); });
   }
 
   std::uint32_t& next(const Part& part, int cell) {
@@ -146,12 +146,12 @@ class CellOrder {
     });
     std::partial_sum(sums_.begin(), sums_.end(), sums_.begin());
     execution.for_each(ranges, [&](std::ptrdiff_t r) {
-      std::uint32_t sum = sums_[static_cast<std::size_t>(r)];
+      std::uint32_t sum = sums_[r];
       for_each_count(
-          r, [&](int c) { begin_[static_cast<std::size_t>(c)] = sum; },
+          r, [&](int c) { begin_[c] = sum; },
           [&](std::uint32_t& count) { sum += std::exchange(count, sum); });
     });
-    begin_[static_cast<std::size_t>(cells)] = sums_.back();
+    begin_[cells] = sums_.back();
   }
 
   /// Puts particle order_[k] at place k for all k, in place, one thread an array.
@@ -202,13 +202,13 @@ class CellOrder {
     }
   }
 
-  std::vector<int> cell_; ///< of each particle
-  std::vector<Part> parts_;
-  std::vector<std::uint32_t> begin_, next_; ///< #cells + 1, about #cells
-  std::vector<std::uint32_t> sums_;         ///< #ranges of cells + 1
-  std::vector<std::size_t> partials_;
-  std::vector<std::uint32_t> order_; ///< #p
-  std::vector<char> moved_;
+  Array<int> cell_; ///< of each particle
+  Array<Part> parts_;
+  Array<std::uint32_t> begin_, next_; ///< #cells + 1, about #cells
+  Array<std::uint32_t> sums_;         ///< #ranges of cells + 1
+  Array<std::size_t> partials_;
+  Array<std::uint32_t> order_; ///< #p
+  Array<char> moved_;
 };
 
 /// Calls visit(cell) for every cell that holds particles; threads have about as many particles

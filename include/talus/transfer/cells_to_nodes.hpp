@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -8,7 +9,6 @@
 #include "talus/transfer/cell_order.hpp"
 
 #include <cstddef>
-#include <vector>
 
 namespace talus {
 
@@ -16,21 +16,20 @@ namespace talus {
 /// moments of the cells around each node. nodes: those of the box; volume: m^d, velocity: m/s, 0
 /// without material, #nodes of the grid × at least d each.
 template <int Dim, class NodeVelocity>
-void cells_to_nodes(const std::vector<CellMoments<Dim>>& moments, const CellOrder<Dim>& order,
-                    const Grid<Dim>& grid, const std::vector<int>& nodes,
-                    const Execution& execution, std::vector<double>& volume,
-                    std::vector<NodeVelocity>& velocity) {
+void cells_to_nodes(const Array<CellMoments<Dim>>& moments, const CellOrder<Dim>& order,
+                    const Grid<Dim>& grid, const Array<int>& nodes, const Execution& execution,
+                    Array<double>& volume, Array<NodeVelocity>& velocity) {
   execution.for_ranges(std::ssize(nodes), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
     for (std::ptrdiff_t k = begin; k < end; ++k) {
-      const int node = nodes[static_cast<std::size_t>(k)];
+      const int node = nodes[k];
       double sum = 0;
       Vec<Dim> momentum = Vec<Dim>::Zero();
       for_each_cell_of_node(grid, grid.node_index(node), [&](int cell, int corner) {
         if (order.empty(cell))
           return;
-        const CellMoments<Dim>& m = moments[static_cast<std::size_t>(cell)];
+        const CellMoments<Dim>& m = moments[cell];
         sum += corner_volume(m, corner);
-        momentum += m.momentum[static_cast<std::size_t>(corner)];
+        momentum += m.momentum[corner];
       });
       const std::size_t j = static_cast<std::size_t>(node);
       volume[j] = sum;

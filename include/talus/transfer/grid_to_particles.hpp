@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -13,7 +14,6 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <vector>
 
 namespace talus {
 
@@ -91,19 +91,17 @@ class CellField {
 template <int Dim, class Real, TransferScheme<Dim> Transfer, class NodeVelocity>
 void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                        const Grid<Dim>& grid, const Transfer& transfer,
-                       const std::vector<NodeVelocity>& velocity,
-                       const std::vector<NodeVelocity>& before,
-                       const std::vector<double>& divergence,
-                       const std::vector<CellMoments<Dim>>& moments, double time_step,
-                       const Vec<Dim>& lower, const Vec<Dim>& upper, const Execution& execution) {
+                       const Array<NodeVelocity>& velocity, const Array<NodeVelocity>& before,
+                       const Array<double>& divergence, const Array<CellMoments<Dim>>& moments,
+                       double time_step, const Vec<Dim>& lower, const Vec<Dim>& upper,
+                       const Execution& execution) {
   constexpr std::size_t dim = static_cast<std::size_t>(Dim);
   constexpr bool multilinear = Transfer::field == ParticleField::multilinear;
   constexpr std::size_t mixed_count = multilinear ? mixed_terms<Dim>.size() : 0;
-  const auto field = [&](const std::vector<NodeVelocity>& nodes, int first) {
+  const auto field = [&](const Array<NodeVelocity>& nodes, int first) {
     std::array<Vec<Dim>, CellField<Dim>::corners> u;
     for (int c = 0; c < Grid<Dim>::corners; ++c)
-      u[static_cast<std::size_t>(c)] =
-          nodes[static_cast<std::size_t>(first + grid.corner_offset(c))].template head<Dim>();
+      u[c] = nodes[first + grid.corner_offset(c)].template head<Dim>();
     return CellField<Dim>(u);
   };
   std::array<double, mixed_terms<Dim>.size()> per_edges; // 1/(edges along the axes of a column)
@@ -129,15 +127,13 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
     double divergence_error = 0, fill = 0;
     if constexpr (multilinear) {
       for (int c = 0; c < Grid<Dim>::corners; ++c)
-        fill += corner_volume(moments[static_cast<std::size_t>(cell_number)], c);
+        fill += corner_volume(moments[cell_number], c);
       fill /= grid.cell_volume();
       for (std::size_t a = 0; a < dim; ++a)
         divergence_error +=
             now.mean_slope(a, a) * grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
       for (int c = 0; c < Grid<Dim>::corners; ++c)
-        divergence_error -=
-            divergence[static_cast<std::size_t>(first_node + grid.corner_offset(c))] /
-            Grid<Dim>::corners;
+        divergence_error -= divergence[first_node + grid.corner_offset(c)] / Grid<Dim>::corners;
     }
     const std::size_t end = order.begin(cell_number + 1);
     for (std::size_t first = order.begin(cell_number); first < end; first += batch) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -11,7 +12,6 @@
 #include <cstddef>
 #include <iterator>
 #include <limits>
-#include <vector>
 
 namespace talus {
 
@@ -26,8 +26,8 @@ inline constexpr double not_inside = std::numeric_limits<double>::infinity();
 /// upper: where particles are held, m.
 template <int Dim, class Real>
 void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                     const Grid<Dim>& grid, const std::vector<double>& excess,
-                     const std::vector<double>& strain, double rate, const Vec<Dim>& lower,
+                     const Grid<Dim>& grid, const Array<double>& excess,
+                     const Array<double>& strain, double rate, const Vec<Dim>& lower,
                      const Vec<Dim>& upper, const Execution& execution) {
   using G = Grid<Dim>;
   for_each_filled_cell(execution, order, grid, [&](int cell_number) {
@@ -48,7 +48,7 @@ void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& orde
       const Vec<Dim> xi = grid.local(x, cell);
       Vec<Dim> slope = Vec<Dim>::Zero(); // h ∇φ
       for (int c = 0; c < G::corners; ++c) {
-        const double here = excess[static_cast<std::size_t>(first + grid.corner_offset(c))];
+        const double here = excess[first + grid.corner_offset(c)];
         for (int a = 0; a < Dim; ++a) {
           double weight = G::corner_bit(c, a) ? here : -here;
           for (int b = 0; b < Dim; ++b)

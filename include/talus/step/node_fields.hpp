@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/array.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/transfer/cell_moments.hpp"
+#include "talus/transfer/cell_order.hpp"
+#include "talus/transfer/shifting.hpp"
+
+#include <cstddef>
+
+namespace talus {
+
+/// What a simulation shows of the nodes after a step, beside the problem: #nodes each.
+struct NodeFields {
+  NodeFields() = default;
+  explicit NodeFields(std::size_t nodes)
+      : material_volume(nodes, 0), open_share(nodes, 1), inertial_number(nodes, 0) {}
+
+  Array<double> material_volume; ///< Σ V_p N_i, m^d
+  Array<double> open_share;      ///< of a node's volume: what no solid takes
+  Array<double> inertial_number;
+};
+
+/// What a step computes on its way; kept for its memory alone.
+template <int Dim>
+struct StepWorkspace {
+  StepWorkspace() = default;
+  explicit StepWorkspace(std::size_t nodes)
+      : velocity_before(nodes, NodeVec<Dim>::Zero()), divergence(nodes, 0), cone(nodes, -1),
+        excess(nodes, not_inside), strain(nodes, 0) {}
+
+  CellOrder<Dim> order;
+  Array<CellMoments<Dim>> moments;     ///< #cells
+  Array<NodeVec<Dim>> velocity_before; ///< u*, #nodes, m/s
+  Array<double> divergence;            ///< mean tr ∇u around a node, #nodes, 1/s
+  Array<int> cone;                     ///< the cone of a node or −1, #nodes
+  Array<double> excess;                ///< φ − 1 or not_inside, #nodes
+  Array<double> strain;                ///< |γ̇| δt, #nodes
+  Array<std::size_t> counts;           ///< of cones, by block
+  Array<double> partials;              ///< of sums and maxima
+};
+
+} // namespace talus

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/boundary/faces.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/small_vectors.hpp"
+#include "talus/core/symmetric.hpp"
+#include "talus/core/types.hpp"
+#include "talus/dual/operator.hpp"
+#include "talus/dual/problem.hpp"
+#include "talus/packing.hpp"
+#include "talus/step/node_fields.hpp"
+#include "talus/transfer/shifting.hpp"
+
+#include <cmath>
+#include <cstddef>
+
+namespace talus {
+
+/// Sets k_i, by how much the node of each cone may compact or must expand, see Packing. A view.
+template <int Dim>
+struct Room {
+  const Faces<Dim>& faces;
+  const Packing& packing;
+  bool surfaces; ///< does dense material with a free surface count as dense?
+  const Stencil<Dim>& stencil;
+  double time_step; ///< s
+  const NodeFields& fields;
+  StepWorkspace<Dim>& work;
+  DualProblem<Dim>& problem;
+
+  /// Sets k_i of a cone at a surface or beside solids, or else what set_inside() needs.
+  /// first_moment: Σ V_p N_i (x_p − x_i)/h by axis, m^d.
+  void set(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
+    const int j = problem.node[i];
+    const double material = fields.material_volume[j], volume = problem.volume[i];
+    const bool in_the_open = fields.open_share[j] == 1; // beside solids the plain rule holds
+    double dense = 1, strain = 0;
+    if (in_the_open && surfaces)
+      dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
+    if (in_the_open && (material > volume || packing.even)) {
+      const Vec<symmetric_size<Dim>> rate = strain_rate(problem, stencil, i);
+      double shear2 = 0;
+      for (int k = 1; k < symmetric_size<Dim>; ++k)
+        shear2 += rate[k] * rate[k];
+      strain = 2 * std::sqrt(shear2) / material * time_step; // |γ̇|² = 4 γ_T²
+      work.strain[j] = strain;
+      if (surfaces && dense == 1 && packing.even)
+        work.excess[j] = material / volume - 1;
+    }
+    set(i, material / volume, dense, strain);
+  }
+
+  /// Sets k_i of a cone in the midst of dense material, from the packing of its neighbours as well.
+  void set_inside(std::size_t i) const {
+    const int j = problem.node[i];
+    if (!(work.excess[j] < not_inside))
+      return;
+    double sum = 0, weights = 0;
+    for (int k = 0; k < Grid<Dim>::neighbours; ++k) { // ghosts are never inside
+      const double other = work.excess[j + problem.grid.neighbour_offset(k)];
+      if (!(other < not_inside))
+        continue;
+      double weight = 1; // 1, 2, 1 along each axis
+      for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
+        weight *= rest % 3 == 1 ? 2 : 1;
+      sum += weight * other;
+      weights += weight;
+    }
+    set(i, Packing::agreed(1 + work.excess[j], 1 + sum / weights), 1, work.strain[j]);
+  }
+
+ private:
+  void set(std::size_t i, double fraction, double dense, double strain) const {
+    problem.void_rate[i] = normal_from_mean<Dim>(packing.room(fraction, dense, strain) *
+                                                 problem.volume[i] / (Dim * time_step));
+  }
+
+  /// Does the material of a node end at a free surface along `axis`: is the next node that way (±1)
+  /// emptier than that of a dense layer a cell thick (1/2), but for noise? What is empty before a
+  /// closed face is a gap, not a surface.
+  bool surface_towards(int node, const Index<Dim>& index, int axis, int way) const {
+    const Grid<Dim>& grid = problem.grid;
+    Index<Dim> next = index;
+    next[axis] += way;
+    int other = node + way * grid.node_stride(axis);
+    if (grid.periodic(axis))
+      other = grid.node(grid.owner(next));
+    else if (next[axis] < 0 || next[axis] > grid.cells(axis) ||
+             (next[axis] == 0 && faces.lower[axis].kind != FaceKind::free) ||
+             (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::free))
+      return false;
+    return fields.material_volume[other] < 0.45 * grid.node_volume(next);
+  }
+
+  /// φ of a node if it were dense, from where its material lies. mean: see dense_fraction.
+  double dense_at(int node, const Index<Dim>& index, Vec<Dim> mean) const {
+    const Grid<Dim>& grid = problem.grid;
+    SmallArray<NodeSide, Dim> side;
+    for (int a = 0; a < Dim; ++a) {
+      side[a] = grid.periodic(a)            ? NodeSide::inside
+                : index[a] == 0             ? NodeSide::on_lower_face
+                : index[a] == grid.cells(a) ? NodeSide::on_upper_face
+                                            : NodeSide::inside;
+      const int way = side[a] == NodeSide::on_lower_face   ? 1
+                      : side[a] == NodeSide::on_upper_face ? -1
+                      : mean[a] > 0                        ? -1
+                                                           : 1;
+      if (!surface_towards(node, index, a, way))
+        mean[a] = side[a] == NodeSide::inside ? 0 : 1;
+    }
+    return dense_fraction<Dim>(mean, side);
+  }
+};
+
+} // namespace talus
