@@ -4,7 +4,7 @@
 // With --history the residual after 1, 2, 3, 5, … sweeps and the seconds they took: each a solve of
 // its own from the same start, so that measuring costs nothing of what is measured.
 
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
 #include "talus/cone/projection_step.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/io/matrix_market.hpp"
@@ -41,11 +41,11 @@ struct Options {
 /// Solves the problem, `repetitions` times; the shortest time counts.
 template <int Dim, class SolverT>
 SolveReport timed(const Options& options, const DualProblem<Dim>& problem, double tolerance,
-                  int max_sweeps, double momentum) {
+                  int max_sweeps, double extrapolation) {
   typename SolverT::Params params;
   params.tolerance = tolerance;
   params.max_sweeps = max_sweeps;
-  params.momentum = momentum;
+  params.extrapolation = extrapolation;
   const SolverT solver(params);
   typename SolverT::template Workspace<Dim> workspace;
   SolveReport best;
@@ -59,15 +59,15 @@ SolveReport timed(const Options& options, const DualProblem<Dim>& problem, doubl
 }
 
 json to_json(const SolveReport& report) {
-  return {{"status", to_string(report.status)},  {"iterations", report.iterations},
-          {"residual_l2", report.residual.l2},   {"residual_max", report.residual.max},
-          {"local_misses", report.local_misses}, {"seconds", report.seconds}};
+  return {{"status", to_string(report.status)},      {"iterations", report.iterations},
+          {"residual_l2", report.residual.l2},       {"residual_max", report.residual.max},
+          {"local_failures", report.local_failures}, {"seconds", report.seconds}};
 }
 
 template <int Dim, class SolverT>
-json run(const Options& options, const DualProblem<Dim>& problem, double momentum) {
+json run(const Options& options, const DualProblem<Dim>& problem, double extrapolation) {
   const SolveReport report =
-      timed<Dim, SolverT>(options, problem, options.tolerance, options.max_sweeps, momentum);
+      timed<Dim, SolverT>(options, problem, options.tolerance, options.max_sweeps, extrapolation);
   json result = to_json(report);
   result["microseconds_per_cone_and_sweep"] =
       1e6 * report.seconds / static_cast<double>(problem.cones()) / std::max(1, report.iterations);
@@ -75,9 +75,9 @@ json run(const Options& options, const DualProblem<Dim>& problem, double momentu
     result["history"] = json::array();
     for (double sweeps = 1; sweeps < 1.3 * std::max(1, report.iterations);
          sweeps = std::max(sweeps + 1, 1.5 * sweeps))
-      result["history"].push_back(to_json(
-          timed<Dim, SolverT>(options, problem, options.tolerance,
-                              std::min(static_cast<int>(sweeps), options.max_sweeps), momentum)));
+      result["history"].push_back(to_json(timed<Dim, SolverT>(
+          options, problem, options.tolerance,
+          std::min(static_cast<int>(sweeps), options.max_sweeps), extrapolation)));
   }
   return result;
 }
@@ -88,15 +88,15 @@ using Entry = std::function<json(const Options&, const DualProblem<Dim>&)>;
 /// Add a line for a solver of your own.
 template <int Dim>
 std::map<std::string, Entry<Dim>> solvers() {
-  const double momentum = GaussSeidel<>::Params{}.momentum;
+  const double extrapolation = GaussSeidel<>::Params{}.extrapolation;
   return {
       {"accelerated",
        [=](const Options& o, const DualProblem<Dim>& p) {
-         return run<Dim, GaussSeidel<>>(o, p, momentum);
+         return run<Dim, GaussSeidel<>>(o, p, extrapolation);
        }},
       {"accelerated-secular",
        [=](const Options& o, const DualProblem<Dim>& p) {
-         return run<Dim, GaussSeidel<SecularSolver>>(o, p, momentum);
+         return run<Dim, GaussSeidel<SecularSolver>>(o, p, extrapolation);
        }},
       {"plain", [](const Options& o,
                    const DualProblem<Dim>& p) { return run<Dim, GaussSeidel<>>(o, p, 0); }},

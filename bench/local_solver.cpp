@@ -4,12 +4,12 @@
 // per solve. Times are of 256 problems, `per_solve` is one.
 
 #include "talus/cone/local_solver.hpp"
-#include "talus/cone/contact.hpp"
-#include "talus/cone/fischer_burmeister_newton.hpp"
-#include "talus/cone/hybrid.hpp"
+#include "talus/cone/comparison/contact.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/hybrid.hpp"
+#include "talus/cone/comparison/projection.hpp"
+#include "talus/cone/comparison/quartic.hpp"
 #include "talus/cone/law.hpp"
-#include "talus/cone/projection.hpp"
-#include "talus/cone/quartic.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/cone/secular_batch.hpp"
 #include "talus/io/number.hpp"

@@ -24,7 +24,7 @@ bool record(const char* path) {
       return false;
   std::map<int, talus::Vec<talus::symmetric_size<Dim>>> before; // by node
   for (std::size_t i = 0; i < sim.problem().cones(); ++i)
-    before[sim.problem().node[i]] = sim.problem().stress[i];
+    before[sim.problem().node[i]] = sim.problem().stress_impulse[i];
   if (!sim.step().completed())
     return false;
 
@@ -39,13 +39,13 @@ bool record(const char* path) {
   const std::size_t every = problem.cones() / 128 > 0 ? problem.cones() / 128 : 1;
   for (std::size_t i = 0; i < problem.cones(); i += every) {
     const talus::Mat<n> w = talus::diagonal_block(problem, stencil, i);
-    talus::Vec<n> gamma = talus::strain_rate(problem, stencil, i);
-    gamma[0] += problem.void_rate[i];
-    const talus::Vec<n> b = gamma - w * problem.stress[i];
+    talus::Vec<n> gamma = talus::integrated_strain_rate(problem, stencil, i);
+    gamma[0] += problem.free_volume_rate[i];
+    const talus::Vec<n> b = gamma - w * problem.stress_impulse[i];
     const auto found = before.find(problem.node[i]);
     const talus::Vec<n> start =
         found == before.end() ? talus::Vec<n>(talus::Vec<n>::Zero()) : found->second;
-    std::fprintf(file, "%.17g", problem.friction[i]);
+    std::fprintf(file, "%.17g", problem.opening[i]);
     for (int k = 0; k < n; ++k)
       std::fprintf(file, ",%.17g", b[k]);
     for (int k = 0; k < n; ++k)

@@ -42,9 +42,9 @@ inline Sim<2> bed(double angle_deg, double mu, double tolerance, double jitter =
   params.gravity = setup.gravity_vector<2>();
   params.time_step = 1e-3;
   params.rheology.mu = mu;
-  params.faces.lower[0].kind = params.faces.upper[0].kind = talus::FaceKind::slip;
-  params.faces.lower[1].kind = talus::FaceKind::stick;
-  params.faces.upper[1].kind = talus::FaceKind::free;
+  params.faces.lower[0].kind = params.faces.upper[0].kind = talus::FaceKind::free_slip;
+  params.faces.lower[1].kind = talus::FaceKind::no_slip;
+  params.faces.upper[1].kind = talus::FaceKind::open;
   params.solver.tolerance = tolerance;
   params.solver.max_sweeps = 20000;
   params.packing = packing;

@@ -24,8 +24,8 @@ struct Cloud {
   Grid<Dim> grid;
   Particles<Dim> particles;
   CellOrder<Dim> order;
-  std::vector<CellMoments<Dim>> moments;
-  std::vector<Vec<4>> velocity, before;
+  Array<CellMoments<Dim>> moments;
+  Array<Vec<4>> velocity, before;
 
   explicit Cloud(int per_axis) {
     GridParams<Dim> params;
@@ -100,7 +100,7 @@ void to_cells(benchmark::State& state) {
 template <int Dim, class Transfer>
 void to_particles(benchmark::State& state) {
   Cloud<Dim> cloud(static_cast<int>(state.range(0)));
-  const std::vector<double> divergence(cloud.velocity.size(), 0.01);
+  const Array<double> divergence(cloud.velocity.size(), 0.01);
   const Vec<Dim> lower = cloud.grid.origin(), upper = cloud.grid.upper();
   for (auto _ : state) // a time step of 0: every repetition finds the same
     grid_to_particles(cloud.particles, cloud.order, cloud.grid, Transfer(), cloud.velocity,

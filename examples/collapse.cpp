@@ -10,7 +10,7 @@
 #include "support/run.hpp"
 
 #include "talus/boundary/gate.hpp"
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
 #include "talus/cone/law.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/diagnostics/deposit.hpp"
@@ -58,7 +58,7 @@ struct Options {
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
   int max_sweeps = talus::GaussSeidel<>::Params{}.max_sweeps;
   int friction_updates = 1;
-  double momentum = talus::GaussSeidel<>::Params{}.momentum;
+  double extrapolation = talus::GaussSeidel<>::Params{}.extrapolation;
   double cfl = 0;
   talus::Packing packing;
   bool until_rest = false;
@@ -179,7 +179,7 @@ int run(const Options& options, const Case& collapse) {
   params.transfer = support::transfer_params(options.policies);
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
-  params.solver.momentum = options.momentum;
+  params.solver.extrapolation = options.extrapolation;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
 
@@ -384,7 +384,7 @@ int run_collapse(Options options) {
     return run_in_dimension<GaussSeidel<>>(options, collapse);
   if (options.solver == "gauss-seidel-secular")
     return run_in_dimension<GaussSeidel<SecularSolver>>(options, collapse);
-  options.momentum = 0;
+  options.extrapolation = 0;
   return run_in_dimension<GaussSeidel<FischerBurmeisterNewton, CoulombLaw>>(options, collapse);
 }
 

@@ -23,7 +23,7 @@ int main(int argc, char** argv) {
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
     auto params = scene.box<dim>({0.5, 0.05, 0.22});
     for (std::size_t a = 0; a + 1 < dim; ++a) // no friction at the sides
-      params.faces.lower[a] = params.faces.upper[a] = {talus::FaceKind::slip};
+      params.faces.lower[a] = params.faces.upper[a] = {talus::FaceKind::free_slip};
     params.obstacles = {talus::make_obstacle<talus::Gate<dim>>(
         {.position = length,
          .friction = scene.wall_friction,

@@ -18,7 +18,7 @@ int main(int argc, char** argv) {
   scene.option("--sink-speed", sink_speed, "sink_speed_m_s", "Of the floor, m/s");
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
     auto params = scene.box<dim>({width, width, 1.1 * height});
-    params.faces.lower[dim - 1] = {talus::FaceKind::free};
+    params.faces.lower[dim - 1] = {talus::FaceKind::open};
     params.obstacles = {talus::make_obstacle<talus::Floor<dim>>(
         {.friction = scene.wall_friction, .sink_speed = sink_speed})};
     talus::Particles<dim> sand;

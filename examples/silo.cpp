@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
                "Of the filling that leaves before the run ends");
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
     auto params = scene.box<dim>({width, width, 1.1 * height});
-    params.faces.lower[dim - 1] = {talus::FaceKind::free};
+    params.faces.lower[dim - 1] = {talus::FaceKind::open};
     params.obstacles = {talus::make_obstacle<talus::Floor<dim>>(
         {.centre = params.grid.size / 2, .opening = opening, .friction = scene.wall_friction})};
     talus::Particles<dim> sand;

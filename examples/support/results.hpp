@@ -58,7 +58,7 @@ class SolverStatistics {
     iterations_max_ = std::max(iterations_max_, report.solve.iterations);
     residual_max_ = std::max(residual_max_, report.solve.residual.l2);
     not_converged_ += report.solve.status != talus::SolveStatus::converged;
-    local_misses_ += report.solve.local_misses;
+    local_misses_ += report.solve.local_failures;
     cones_max_ = std::max(cones_max_, report.cones);
     fraction_max_ = std::max(fraction_max_, report.largest_fraction);
     courant_max_ = std::max(courant_max_, report.courant);
@@ -75,7 +75,7 @@ class SolverStatistics {
     return {
         {"steps", steps_},
         {"not_converged", not_converged_},
-        {"local_misses", local_misses_},
+        {"local_failures", local_misses_},
         {"cones_max", cones_max_},
         {"outflow", outflow_},
         {"outflow_volume", outflow_volume_},
@@ -89,7 +89,7 @@ class SolverStatistics {
   void restore(const nlohmann::json& state) {
     state.at("steps").get_to(steps_);
     state.at("not_converged").get_to(not_converged_);
-    state.at("local_misses").get_to(local_misses_);
+    state.at("local_failures").get_to(local_misses_);
     state.at("cones_max").get_to(cones_max_);
     state.at("outflow").get_to(outflow_);
     state.at("outflow_volume").get_to(outflow_volume_);
@@ -108,7 +108,7 @@ class SolverStatistics {
   nlohmann::json solver_json() const {
     return {{"iterations_mean", iterations_mean()}, {"iterations_max", iterations_max_},
             {"residual_max", residual_max_},        {"steps_not_converged", not_converged_},
-            {"local_misses", local_misses_},        {"cones_max", cones_max_},
+            {"local_failures", local_misses_},      {"cones_max", cones_max_},
             {"outflow_particles", outflow_},        {"fraction_max", fraction_max_},
             {"courant_max", courant_max_}};
   }

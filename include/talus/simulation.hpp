@@ -12,7 +12,7 @@
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
-#include "talus/dual/coloring.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/packing.hpp"
@@ -44,7 +44,6 @@
 #include "talus/transfer/transfer_scheme.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -90,6 +89,7 @@ class Simulation {
     typename RheologyT::Params rheology{};
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
+    ViscousParams viscous{}; ///< counts for a Viscous rheology alone
     /// Most times that a step takes μ_i from the rheology. 1: once, from the strain rate and the
     /// pressure of the last step, as in the paper. More: again from those that it has found, until
     /// the yield stress μ p changes by less than friction_tolerance, relative, in the mean square.
@@ -125,7 +125,8 @@ class Simulation {
     if constexpr (Cohesive<RheologyT>)
       require_non_negative("rheology.cohesion()", rheology_.cohesion());
     if constexpr (Viscous<RheologyT>)
-      Viscosity(rheology_.viscosity()).validate();
+      require_non_negative("rheology.viscosity()", rheology_.viscosity());
+    params_.viscous.validate();
     for (const auto& obstacle : params_.obstacles)
       if (!obstacle)
         throw_invalid("an obstacle", "null", "a valid pointer");
@@ -143,7 +144,7 @@ class Simulation {
     fields_ = last_fields_ = NodeFields(nodes);
     work_ = StepWorkspace<Dim>(nodes);
     last_velocity_.assign(nodes, NodeVec<Dim>::Zero());
-    state_.node_stress.assign(nodes, Vec<cone_size>::Zero());
+    state_.stress_impulse.assign(nodes, Vec<cone_size>::Zero());
     wrenches_.resize(boundaries().sources());
     node_rank_.assign(nodes, 0);
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
@@ -189,9 +190,10 @@ class Simulation {
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
-      report.viscous = viscous_solver_.solve(problem_, fields_.material_volume,
-                                             rheology_.viscosity(), state_.time_step, execution_);
-    move_apex(rheology_, problem_, state_.time_step, 1);
+      report.viscous =
+          viscous_solver_.solve(problem_, fields_.material_volume, rheology_.viscosity(),
+                                params_.viscous, state_.time_step, execution_);
+    add_cohesion_shift(rheology_, problem_, state_.time_step);
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
     solve(report);
@@ -244,15 +246,15 @@ class Simulation {
   // faces that stick meet, they share the tangential force of their common nodes.
   const Wrench<Dim>& face_wrench(int axis, bool upper) const {
     require_step("face_wrench");
-    return wrenches_.at(static_cast<std::size_t>(Bounds::face_source(axis, upper)));
+    return wrenches_.at(static_cast<std::size_t>(Bounds::face_id(axis, upper)));
   }
   const Wrench<Dim>& obstacle_wrench(std::size_t obstacle) const {
     require_step("obstacle_wrench");
-    return wrenches_.at(static_cast<std::size_t>(boundaries().obstacle_source(obstacle)));
+    return wrenches_.at(static_cast<std::size_t>(boundaries().obstacle_id(obstacle)));
   }
   const Wrench<Dim>& body_wrench(std::size_t body) const {
     require_step("body_wrench");
-    return wrenches_.at(static_cast<std::size_t>(boundaries().body_source(body)));
+    return wrenches_.at(static_cast<std::size_t>(boundaries().body_id(body)));
   }
 
   /// All that the next step needs of the last one. Throws as step() does after an update of the
@@ -285,7 +287,7 @@ class Simulation {
   double volume_fraction(const Index<Dim>& node) const {
     require_step("volume_fraction");
     const int j = node_number(node);
-    return fields_.material_volume[j] / (fields_.open_share[j] * grid_.node_volume(node));
+    return fields_.material_volume[j] / (fields_.open_fraction[j] * grid_.node_volume(node));
   }
   /// u_i, m/s; zero where there is no material.
   Vec<Dim> velocity(const Index<Dim>& node) const {
@@ -295,7 +297,7 @@ class Simulation {
   /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
     require_step("stress");
-    const Vec<cone_size>& impulse = state_.node_stress[node_number(node)];
+    const Vec<cone_size>& impulse = state_.stress_impulse[node_number(node)];
     return std::min(1.0, volume_fraction(node)) / state_.time_step *
            vector_to_symmetric<Dim, double>(impulse);
   }
@@ -323,7 +325,7 @@ class Simulation {
 
  private:
   using Clock = std::chrono::steady_clock;
-  using Wide = NodeVec<Dim>;
+  using Padded = NodeVec<Dim>;
   static constexpr int cone_size = symmetric_size<Dim>;
   using Bounds = Boundaries<Dim>;
 
@@ -381,7 +383,7 @@ class Simulation {
             state_.bodies, bodies_.reach, state_.time};
   }
   SolvedStep<Dim> solved_step() const {
-    return {problem_,        state_.node_stress,       fields_,          work_,
+    return {problem_,        state_.stress_impulse,    fields_,          work_,
             viscous_solver_, params_.material.density, state_.time_step, state_.gravity};
   }
 
@@ -436,8 +438,8 @@ class Simulation {
     const double least_volume = params_.min_relative_mass * grid_.cell_volume();
     const auto carries = [&](int node) { return fields_.material_volume[node] >= least_volume; };
     for_each_node([&](int j) {
-      problem_.inverse_mass[j] = Wide::Zero();
-      fields_.open_share[j] = 1;
+      problem_.inverse_mass[j] = Padded::Zero();
+      fields_.open_fraction[j] = 1;
       work_.cone[j] = -1;
       work_.excess[j] = not_inside;
       work_.divergence[j] = 0;
@@ -449,11 +451,11 @@ class Simulation {
     talus::collect_cones(node_order_, carries, execution_, work_.counts, problem_);
 
     const std::size_t cones = problem_.node.size();
-    problem_.coupling.resize(cones);
-    problem_.void_rate.resize(cones);
-    problem_.friction.resize(cones);
-    problem_.volume.resize(cones);
-    problem_.stress.resize(cones);
+    problem_.gradient_weights.resize(cones);
+    problem_.free_volume_rate.resize(cones);
+    problem_.opening.resize(cones);
+    problem_.node_volume.resize(cones);
+    problem_.stress_impulse.resize(cones);
     for_each_cone([&](std::size_t i) { work_.cone[problem_.node[i]] = static_cast<int>(i); });
     solids_.find(grid_, work_.cone, cones);
     // Cohesion would hang what is below a surface on the air above it.
@@ -473,12 +475,12 @@ class Simulation {
     const int j = problem_.node[i];
     const Index<Dim> index = grid_.node_index(j);
     const Vec<Dim> first_moment =
-        gather_coupling(grid_, index, work_.order, work_.moments, problem_.coupling[i]);
-    fields_.open_share[j] = solids_.look(boundaries(), i, grid_.node_position(index));
-    problem_.volume[i] = fields_.open_share[j] * grid_.node_volume(index);
-    problem_.stress[i] = ratio * state_.node_stress[j];
+        gather_coupling(grid_, index, work_.order, work_.moments, problem_.gradient_weights[i]);
+    fields_.open_fraction[j] = solids_.look(boundaries(), i, grid_.node_position(index));
+    problem_.node_volume[i] = fields_.open_fraction[j] * grid_.node_volume(index);
+    problem_.stress_impulse[i] = ratio * state_.stress_impulse[j];
     room.set(i, index, first_moment);
-    problem_.friction[i] = friction(i);
+    problem_.opening[i] = friction(i);
   }
 
   /// μ̃_i from the velocities and the stress that the problem has.
@@ -493,18 +495,19 @@ class Simulation {
   /// Takes μ_i from the velocities and stresses of the last solve. Returns false if they would not
   /// change enough for another one.
   bool update_friction(StepReport& report) {
-    move_apex(rheology_, problem_, state_.time_step, -1);
+    remove_cohesion_shift(rheology_, problem_, state_.time_step);
     friction_iteration_.next.resize(problem_.cones());
     for_each_cone([&](std::size_t i) { friction_iteration_.next[i] = friction(i); });
     const double change = friction_iteration_.change(problem_);
-    friction_iteration_.choose_share(report.friction_updates == 1, change, report.friction_change);
+    friction_iteration_.choose_relaxation(report.friction_updates == 1, change,
+                                          report.friction_change);
     report.friction_change = change;
     const bool update = !(change <= params_.friction_tolerance);
     if (update) {
       friction_iteration_.update(problem_);
       ++report.friction_updates;
     }
-    move_apex(rheology_, problem_, state_.time_step, 1);
+    add_cohesion_shift(rheology_, problem_, state_.time_step);
     return update;
   }
 
@@ -522,7 +525,7 @@ class Simulation {
   }
 
   void add_gravity() {
-    Wide change = Wide::Zero();
+    Padded change = Padded::Zero();
     change.template head<Dim>() = state_.time_step * state_.gravity;
     double largest2 = execution_.reduce(
         std::ssize(node_order_.nodes()), work_.partials, 0.0,
@@ -554,14 +557,14 @@ class Simulation {
   void keep_forces() {
     for_each_node([&](int j) {
       if (work_.cone[j] < 0)
-        state_.node_stress[j].setZero();
+        state_.stress_impulse[j].setZero();
     });
     for_each_cone([&](std::size_t i) {
-      Vec<cone_size>& stress = state_.node_stress[problem_.node[i]];
-      stress = problem_.stress[i];
+      Vec<cone_size>& stress = state_.stress_impulse[problem_.node[i]];
+      stress = problem_.stress_impulse[i];
       stress[0] -= cone_apex(rheology_, problem_, state_.time_step, i);
     });
-    problem_.periodic.copy(state_.node_stress, execution_);
+    problem_.periodic.copy(state_.stress_impulse, execution_);
     state_.contacts = problem_.contacts;
     state_.body_contacts = problem_.body_contacts;
   }
@@ -576,8 +579,9 @@ class Simulation {
       for_each_cone([&](std::size_t i) {
         const int j = problem_.node[i];
         // Tr D = d · mean of what normal_from_mean made the normal component
-        work_.divergence[j] = Dim * mean_from_normal<Dim>(strain_rate(problem_, stencil_, i)[0]) /
-                              fields_.material_volume[j];
+        work_.divergence[j] =
+            Dim * mean_from_normal<Dim>(integrated_strain_rate(problem_, stencil_, i)[0]) /
+            fields_.material_volume[j];
       });
     problem_.periodic.copy(work_.divergence, execution_);
     talus::grid_to_particles(state_.particles, work_.order, grid_, transfer_, problem_.velocity,

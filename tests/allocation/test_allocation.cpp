@@ -35,7 +35,7 @@ std::size_t allocations_of_a_warm_step(int threads) {
       .law = {.law = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                       .inertial = {.grain_diameter = 5e-4, .density = 1470, .strain_factor = 1}},
               .cohesion = 5},
-      .viscosity = {.eta = 0.1}};
+      .viscosity = 0.1};
   params.friction_updates = 3;
   params.threads = threads;
   // a roller and a ball in the bed

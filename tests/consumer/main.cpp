@@ -15,8 +15,8 @@ int main() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
-  params.faces.lower[1] = {talus::FaceKind::stick};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
   params.threads = 2;
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {});

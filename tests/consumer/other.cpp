@@ -12,8 +12,8 @@ double slump_in_3d() {
   params.time_step = 1e-3;
   params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {5e-4, 1500, 1}};
-  params.faces = talus::Faces<3>::all({talus::FaceKind::slip});
-  params.faces.lower[2] = {talus::FaceKind::stick};
+  params.faces = talus::Faces<3>::all({talus::FaceKind::free_slip});
+  params.faces.lower[2] = {talus::FaceKind::no_slip};
   talus::Particles<3> sand;
   talus::fill_box<3>(sand, talus::Grid<3>(params.grid), {0, 0, 0}, {0.15, 0.06, 0.12}, {});
   Sim sim(params, sand);

@@ -39,9 +39,9 @@ class Belt final : public talus::Obstacle<2> {
         .normal = node.normal, .velocity = {speed_, 0}, .friction = friction_};
   }
 
-  double open_share(const talus::Vec<2>& x, const talus::Vec<2>& spacing,
-                    double /*time*/) const override {
-    return look(x, spacing).open_share;
+  double open_fraction(const talus::Vec<2>& x, const talus::Vec<2>& spacing,
+                       double /*time*/) const override {
+    return look(x, spacing).open_fraction;
   }
 
  private:
@@ -63,7 +63,7 @@ int main() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
   params.obstacles = {std::make_shared<Belt>(0.03, 0.2, 0.4),
                       // a plough that swings about a point above the sand
                       std::make_shared<talus::ShapeObstacle<2>>(talus::ShapeObstacle<2>::Params{

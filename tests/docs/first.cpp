@@ -12,9 +12,9 @@ int main() {
   params.gravity = {0, -9.81};                                             // m/s²
   params.time_step = 1e-3;                                                 // s
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
-  params.faces.lower[1] = {talus::FaceKind::stick};
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
+  params.faces.upper[1] = {talus::FaceKind::open};
 
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {.per_axis = 3});

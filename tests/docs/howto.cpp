@@ -47,9 +47,9 @@ Sim make_scene() {
   params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {.grain_diameter = 5e-4, .density = 2500, .strain_factor = 2}};
   params.faces.lower[0] = {talus::FaceKind::frictional, 0.3};
-  params.faces.lower[1] = {talus::FaceKind::stick};
-  params.faces.upper[0] = {talus::FaceKind::free}; // what passes it is gone
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
+  params.faces.upper[0] = {talus::FaceKind::open}; // what passes it is gone
+  params.faces.upper[1] = {talus::FaceKind::open};
 
   const double angle = std::numbers::pi / 6;
   params.obstacles.push_back(std::make_shared<Ramp>(

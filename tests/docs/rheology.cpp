@@ -55,9 +55,9 @@ double front(const typename Rheology::Params& rheology) {
   params.gravity = {0, -9.81};
   params.time_step = 2e-3;
   params.rheology = rheology;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
-  params.faces.lower[1] = {talus::FaceKind::stick};
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
+  params.faces.upper[1] = {talus::FaceKind::open};
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.1, 0.15}, {});
   Sim<Rheology> sim(params, sand);
@@ -83,8 +83,8 @@ int main() {
   using Mud = talus::WithViscosity<talus::WithCohesion<talus::MuOfI>>;
   const double mud = front<Mud>(
       {.law = {.law = {.law = {.mu_static = 0.3, .mu_limit = 0.6, .I_0 = 0.3}, .inertial = beads},
-               .cohesion = 150},  // c, Pa
-       .viscosity = {.eta = 5}}); // η, Pa s
+               .cohesion = 150}, // c, Pa
+       .viscosity = 5});         // η, Pa s
   // [additions]
 
   const double angle = front<RestAngle>({.degrees = 23.75});

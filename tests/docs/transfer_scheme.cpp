@@ -43,9 +43,9 @@ double front(const typename Transfer::Params& transfer) {
   params.time_step = 2e-3;
   params.transfer = transfer;
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
-  params.faces.lower[1] = {talus::FaceKind::stick};
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
+  params.faces.upper[1] = {talus::FaceKind::open};
   talus::Particles<2> sand;
   talus::fill_box<2>(sand, talus::Grid<2>(params.grid), {0, 0}, {0.1, 0.15}, {});
   Sim sim(params, sand);

@@ -26,9 +26,9 @@ typename Sim::Params heap_params() {
   params.material.density = 1500;                                          // kg/m³, dense
   params.gravity = {0, -9.81};                                             // m/s²
   params.time_step = 1e-3;                                                 // s
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
-  params.faces.lower[1] = {talus::FaceKind::stick};
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
+  params.faces.lower[1] = {talus::FaceKind::no_slip};
+  params.faces.upper[1] = {talus::FaceKind::open};
   return params;
 }
 // [params]
@@ -101,12 +101,12 @@ class PlainSweeps {
     report.status = talus::SolveStatus::not_converged;
     while (report.iterations < params_.max_sweeps) {
       for (std::size_t i = 0; i < problem.cones(); ++i) {
-        talus::Vec<s> gamma = talus::strain_rate(problem, stencil, i);
-        gamma[0] += problem.void_rate[i];
-        const talus::Vec<s> old = problem.stress[i], b = gamma - work.diagonal[i] * old;
+        talus::Vec<s> gamma = talus::integrated_strain_rate(problem, stencil, i);
+        gamma[0] += problem.free_volume_rate[i];
+        const talus::Vec<s> old = problem.stress_impulse[i], b = gamma - work.diagonal[i] * old;
         talus::solve_local(talus::SecularSolver{}, talus::CoulombLaw{}, work.diagonal[i], b,
-                           problem.friction[i], problem.stress[i]);
-        talus::apply_stress<Dim>(problem, stencil, i, problem.stress[i] - old);
+                           problem.opening[i], problem.stress_impulse[i]);
+        talus::scatter_stress<Dim>(problem, stencil, i, problem.stress_impulse[i] - old);
       }
       for (talus::Contact<Dim>& contact : problem.contacts)
         talus::update_contact(problem, contact);

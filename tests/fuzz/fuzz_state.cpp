@@ -36,9 +36,9 @@ Sim make_simulation() {
   params.time_step = 1e-3;
   params.solver.max_sweeps = 20;
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<2>::all({talus::FaceKind::slip});
+  params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
   params.faces.lower[1] = {talus::FaceKind::frictional, 0.5};
-  params.faces.upper[1] = {talus::FaceKind::free};
+  params.faces.upper[1] = {talus::FaceKind::open};
   params.obstacles.push_back(
       std::make_shared<talus::Gate<2>>(talus::Gate<2>::Params{.position = 0.2, .friction = 0.2}));
   talus::Particles<2> sand;

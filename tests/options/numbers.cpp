@@ -25,9 +25,9 @@ void run(const fs::path& folder) {
   params.time_step = 2e-3;
   params.material.density = 1500;
   params.rheology.mu = 0.44;
-  params.faces = talus::Faces<Dim>::all({talus::FaceKind::slip});
-  params.faces.lower[Dim - 1] = {talus::FaceKind::stick};
-  params.faces.upper[Dim - 1] = {talus::FaceKind::free};
+  params.faces = talus::Faces<Dim>::all({talus::FaceKind::free_slip});
+  params.faces.lower[Dim - 1] = {talus::FaceKind::no_slip};
+  params.faces.upper[Dim - 1] = {talus::FaceKind::open};
   talus::Particles<Dim> sand;
   talus::fill_box<Dim>(sand, talus::Grid<Dim>(params.grid), talus::Vec<Dim>::Constant(0.01),
                        talus::Vec<Dim>::Constant(0.06), {.per_axis = 2});

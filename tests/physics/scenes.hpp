@@ -38,9 +38,9 @@ typename Sim<Dim>::Params box(const Vec<3>& size, const Index<3>& cells, double 
   params.time_step = 1e-3;
   params.rheology.mu = mu;
   params.solver.max_sweeps = 5000;
-  params.faces = Faces<Dim>::all({FaceKind::slip});
-  params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
-  params.faces.upper[up_axis<Dim>].kind = FaceKind::free;
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
+  params.faces.lower[up_axis<Dim>].kind = FaceKind::no_slip;
+  params.faces.upper[up_axis<Dim>].kind = FaceKind::open;
   return params;
 }
 

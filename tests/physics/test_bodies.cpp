@@ -122,7 +122,7 @@ TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
   for (const double thickness : {0.0, 0.01, 0.1})
     for (const double shift : {0.0, 0.007, 0.013}) {
       auto params = scenes::box<2>({0.3, 0, 0.3}, {15, 1, 15}, 0, 0.6);
-      params.faces.lower[1].kind = FaceKind::free;
+      params.faces.lower[1].kind = FaceKind::open;
       const Vec<2> normal = turned(20, {0, 1}), on_top(0.15, 0.11 + shift);
       const shapes::HalfSpace<2> top(on_top, normal);
       add_obstacle<2>(params,
@@ -311,7 +311,7 @@ namespace {
 template <int Dim>
 void drum_is_tight() {
   auto params = scenes::box<Dim>({0.3, 0.08, 0.3}, {20, 4, 20}, 0, 0.5);
-  params.faces = Faces<Dim>::all({FaceKind::slip});
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
   const Vec<2> centre(0.15, 0.15);
   RigidState<Dim> start;
   start.position[0] = start.position[up_axis<Dim>] = 0.15;

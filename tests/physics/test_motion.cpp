@@ -280,9 +280,9 @@ TEST_CASE("an open gate lets the column go, and the front advances") {
 TEST_CASE("a heap on a rough floor slumps, and every step converges") {
   // The README's first program: at t = 0.048 s extrapolation once went round in circles.
   auto params = scenes::box<2>({0.6, 0.1, 0.2}, {60, 1, 20}, 0, 0.44);
-  params.faces = Faces<2>::all({FaceKind::slip});
-  params.faces.lower[1] = {FaceKind::stick};
-  params.faces.upper[1] = {FaceKind::free};
+  params.faces = Faces<2>::all({FaceKind::free_slip});
+  params.faces.lower[1] = {FaceKind::no_slip};
+  params.faces.upper[1] = {FaceKind::open};
   params.solver.max_sweeps = 2000;
   Particles<2> sand;
   fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.15, 0.15}, {.per_axis = 3});
@@ -368,7 +368,7 @@ TEST_CASE("rigid side walls hold a collapse as the box's faces do") {
 TEST_CASE("material that passes a free face leaves, and is counted") {
   auto params = scenes::box<2>({0.4, 0, 0.2}, {8, 1, 4}, 0, 0.44);
   params.gravity.setZero();
-  params.faces.upper[0].kind = FaceKind::free;
+  params.faces.upper[0].kind = FaceKind::open;
   auto particles = scenes::block<2>(params.grid, 0.3, 0.4, 0.05, 0.15);
   for (auto& v : particles.velocity)
     v[0] = 1;

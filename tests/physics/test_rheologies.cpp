@@ -40,10 +40,10 @@ typename Sim<Dim>::Params box(double cell, const Index<Dim>& cells, double mu) {
       .law = {.mu_static = mu, .mu_limit = mu, .I_0 = 1},
       .inertial = {.grain_diameter = 1e-3, .density = density, .strain_factor = 1}};
   params.rheology.law.cohesion = 0;
-  params.rheology.viscosity.eta = 0;
+  params.rheology.viscosity = 0;
   params.gravity.setZero();
-  params.faces = Faces<Dim>::all({FaceKind::free});
-  params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
+  params.faces = Faces<Dim>::all({FaceKind::open});
+  params.faces.lower[up_axis<Dim>].kind = FaceKind::no_slip;
   return params;
 }
 
@@ -72,7 +72,7 @@ double mean_displacement(const Sim<2>& sim, const std::vector<Vec<2>>& start) {
 double movement_of_cut(double mu, double load) {
   const double height = 0.2, h = height / 12;
   auto params = box<2>(h, {30, 15}, mu);
-  params.faces.lower[0].kind = FaceKind::slip;
+  params.faces.lower[0].kind = FaceKind::free_slip;
   params.gravity = {0, -g};
   params.rheology.law.cohesion = density * g * height / load;
   params.solver.max_sweeps = 300; // falling need not be exact
@@ -87,8 +87,8 @@ double movement_of_cut(double mu, double load) {
 Sim<2> strand(double load) {
   const double h = 0.01, length = 0.16, mu = 0.4;
   auto params = box<2>(h, {20, 24}, mu);
-  params.faces.lower[1].kind = FaceKind::free;
-  params.faces.upper[1].kind = FaceKind::stick;
+  params.faces.lower[1].kind = FaceKind::open;
+  params.faces.upper[1].kind = FaceKind::no_slip;
   params.gravity = {0, -g};
   params.rheology.law.cohesion = density * g * length * (1 + mu) / (2 * load);
   return Sim<2>(params, block<2>(params, {0.05, 0.24 - length}, {0.15, 0.24}));
@@ -99,7 +99,7 @@ Sim<2> strand(double load) {
 Sim<2>::Params layer(int cells, double length_over_height, double height, double angle_deg) {
   auto params =
       box<2>(height / cells, {static_cast<int>(length_over_height * cells), cells + 2}, 0);
-  params.faces.lower[0].kind = FaceKind::slip;
+  params.faces.lower[0].kind = FaceKind::free_slip;
   incline(params, angle_deg);
   return params;
 }
@@ -123,9 +123,10 @@ void shear_wave() {
   cells[1] = 1; // across, in 3-D
   cells[up_axis<Dim>] = 20;
   auto params = box<Dim>(0.01, cells, 0);
-  params.faces = Faces<Dim>::all({FaceKind::slip});
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
   params.time_step = 2e-3;
-  params.rheology.viscosity = {.eta = eta, .tolerance = 1e-8};
+  params.rheology.viscosity = eta;
+  params.viscous.tolerance = 1e-8;
   Vec<Dim> lower = params.grid.origin, upper = params.grid.origin + params.grid.size;
   lower[0] += 0.02;
   upper[0] -= 0.02;
@@ -229,7 +230,7 @@ TEST_CASE("a viscous layer on a rough slope: u = rho g sin(theta) (H z − z²/2
   const double height = 0.1, eta = density * std::sqrt(g * height) * height;
   const int cells = 10;
   auto params = layer(cells, 16, height, 20);
-  params.rheology.viscosity.eta = eta;
+  params.rheology.viscosity = eta;
   Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
   while (sim.time() < 3 * std::sqrt(height / g)) {
     const StepReport report = sim.step();
@@ -300,11 +301,11 @@ TEST_CASE("friction updates within a step: mu belongs to the strain rate and pre
     const Stencil<2> stencil(sim.grid());
     for (std::size_t i = 0; i < sim.problem().cones(); ++i) {
       const Index<2> node = sim.grid().node_index(sim.problem().node[i]);
-      const double volume = sim.volume_fraction(node) * sim.problem().volume[i];
-      const double rate = strain_rate(sim.problem(), stencil, i).norm() / volume;
+      const double volume = sim.volume_fraction(node) * sim.problem().node_volume[i];
+      const double rate = integrated_strain_rate(sim.problem(), stencil, i).norm() / volume;
       const double mu = law(inertial(rate, sim.pressure(node)));
-      const double pressure = sim.problem().stress[i][0];
-      change2 += std::pow((mu - sim.problem().friction[i]) * pressure, 2);
+      const double pressure = sim.problem().stress_impulse[i][0];
+      change2 += std::pow((mu - sim.problem().opening[i]) * pressure, 2);
       sum2 += std::pow(mu * pressure, 2);
     }
     const double change = std::sqrt(change2 / sum2);
@@ -330,7 +331,7 @@ TEST_CASE("the same bits with any number of threads, viscous, cohesive and updat
                                                     .density = density,
                                                     .strain_factor = 1}},
                                .cohesion = 20},
-                       .viscosity = {.eta = 2}};
+                       .viscosity = 2};
     params.friction_updates = 3;
     params.threads = threads;
     Sim<2> sim(params, block<2>(params, {0, 0}, {0.4, 0.1}));
@@ -361,14 +362,14 @@ TEST_CASE("what is added to a rheology refuses nonsense by name and value") {
   bad.rheology.law.cohesion = 5;
   CHECK(message(bad) == "rheology.cohesion is 5; allowed: 0 where there is no friction");
   bad = good;
-  bad.rheology.viscosity.eta = -2;
-  CHECK(message(bad) == "rheology.viscosity.eta is -2; allowed: a finite number >= 0");
+  bad.rheology.viscosity = -2;
+  CHECK(message(bad) == "rheology.viscosity is -2; allowed: a finite number >= 0");
   bad = good;
-  bad.rheology.viscosity.tolerance = 0;
-  CHECK(message(bad) == "rheology.viscosity.tolerance is 0; allowed: a finite number > 0");
+  bad.viscous.tolerance = 0;
+  CHECK(message(bad) == "viscous.tolerance is 0; allowed: a finite number > 0");
   bad = good;
-  bad.rheology.viscosity.max_iterations = 0;
-  CHECK(message(bad) == "rheology.viscosity.max_iterations is 0; allowed: an integer >= 1");
+  bad.viscous.max_iterations = 0;
+  CHECK(message(bad) == "viscous.max_iterations is 0; allowed: an integer >= 1");
   bad = good;
   bad.friction_updates = 0;
   CHECK(message(bad) == "friction_updates is 0; allowed: an integer >= 1");
@@ -381,7 +382,7 @@ TEST_CASE("momentum is what gravity gives and the floor takes, by viscous and co
   auto params = box<2>(0.01, {40, 20}, 0.3);
   params.gravity = {3, -g};
   params.rheology.law.cohesion = 200;
-  params.rheology.viscosity.eta = 20;
+  params.rheology.viscosity = 20;
   const auto particles = block<2>(params, {0.1, 0}, {0.2, 0.15});
   Sim<2> sim(params, particles);
   double mass = 0;
@@ -399,7 +400,8 @@ TEST_CASE("momentum is what gravity gives and the floor takes, by viscous and co
 TEST_CASE("too few viscous iterations are reported") {
   auto params = box<2>(0.01, {20, 20}, 0.4);
   params.gravity = {1, -g};
-  params.rheology.viscosity = {.eta = 1e3, .tolerance = 1e-10, .max_iterations = 3};
+  params.rheology.viscosity = 1e3;
+  params.viscous = {.tolerance = 1e-10, .max_iterations = 3};
   Sim<2> sim(params, block<2>(params, {0, 0}, {0.1, 0.1}));
   const StepReport report = sim.step();
   CHECK(report.completed());

@@ -27,7 +27,7 @@ scenes::Sim<2> silo(double width, double height, double opening, double wall_fri
                                0, 0.44);
   params.time_step = 1.6e-3;
   params.faces.lower[0] = params.faces.upper[0] = {FaceKind::frictional, wall_friction};
-  params.faces.lower[1].kind = FaceKind::free;
+  params.faces.lower[1].kind = FaceKind::open;
   params.obstacles = {make_obstacle<Floor<2>>({.centre = {width / 2, 0},
                                                .opening = opening,
                                                .friction = wall_friction,
@@ -115,7 +115,7 @@ TEST_CASE("the slope of a heap is the angle of friction") {
     CAPTURE(friction);
     auto params = scenes::box<2>({0.32, 0, 0.12}, {51, 1, 19}, 0, friction);
     params.time_step = 1e-3;
-    params.faces.lower[0] = params.faces.upper[0] = {FaceKind::slip};
+    params.faces.lower[0] = params.faces.upper[0] = {FaceKind::free_slip};
     params.obstacles = {make_obstacle<Gate<2>>(
         {.position = length,
          .friction = 0.2,

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Concepts accept the library's models and a user's own, and refuse what lacks a piece.
 
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/simulation.hpp"

@@ -55,7 +55,7 @@ typename Sim<Transfer>::Params box(const Setting<Transfer>& setting, double leng
   params.solver.tolerance = 1e-5;
   params.solver.max_sweeps = 20000;
   for (std::size_t a = 0; a < 2; ++a)
-    params.faces.lower[a].kind = params.faces.upper[a].kind = FaceKind::slip;
+    params.faces.lower[a].kind = params.faces.upper[a].kind = FaceKind::free_slip;
   return params;
 }
 
@@ -131,8 +131,8 @@ double sliding_layer(const Setting<Transfer>& setting, double layer, double seco
   constexpr double angle = 15 * std::numbers::pi / 180;
   auto params = box(setting, length, 0.16, friction);
   params.gravity = {9.81 * std::sin(angle), -9.81 * std::cos(angle)};
-  params.faces.lower[1].kind = FaceKind::stick;
-  params.faces.upper[1].kind = FaceKind::free;
+  params.faces.lower[1].kind = FaceKind::no_slip;
+  params.faces.upper[1].kind = FaceKind::open;
   Particles<2> sand;
   fill(sand, params, setting, {0, 0}, {length, bed});
   const std::size_t at_rest = sand.size();
@@ -172,8 +172,8 @@ template <class Transfer>
 Landing block_lands(const Setting<Transfer>& setting, double fall = 0.05, double seconds = 0.5) {
   constexpr double width = 0.1, bed = 0.04, block = 0.06;
   auto params = box(setting, width, 0.2, 0.44);
-  params.faces.lower[1].kind = FaceKind::stick;
-  params.faces.upper[1].kind = FaceKind::free;
+  params.faces.lower[1].kind = FaceKind::no_slip;
+  params.faces.upper[1].kind = FaceKind::open;
   Particles<2> sand;
   fill(sand, params, setting, {0, 0}, {width, bed});
   const std::size_t at_rest = sand.size();
@@ -223,7 +223,7 @@ Collision slab_hits_column(const Setting<Transfer>& setting, double gravity = 9.
   constexpr double width = 0.05, speed = 0.5, seconds = 0.23;
   auto params = box(setting, width, 0.6, 0.44);
   params.gravity = {0, -gravity};
-  params.faces.lower[1].kind = params.faces.upper[1].kind = FaceKind::free;
+  params.faces.lower[1].kind = params.faces.upper[1].kind = FaceKind::open;
   Particles<2> sand;
   fill(sand, params, setting, {0, 0.38}, {width, 0.46});
   const std::size_t column = sand.size();

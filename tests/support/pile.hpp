@@ -24,10 +24,10 @@ Simulation<Dim, ConstantFriction, PolyPic, SolverT> small_pile(double tolerance,
   params.rheology.mu = mu;
   params.solver.tolerance = tolerance;
   params.solver.max_sweeps = 20000;
-  params.faces = Faces<Dim>::all({FaceKind::slip});
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
   params.faces.lower[0] = {FaceKind::frictional, 0.3};
-  params.faces.lower[up_axis<Dim>].kind = FaceKind::stick;
-  params.faces.upper[up_axis<Dim>].kind = FaceKind::free;
+  params.faces.lower[up_axis<Dim>].kind = FaceKind::no_slip;
+  params.faces.upper[up_axis<Dim>].kind = FaceKind::open;
   Particles<Dim> particles;
   Vec<Dim> upper = Vec<Dim>::Constant(0.2);
   fill_box(particles, Grid<Dim>(params.grid), Vec<Dim>(Vec<Dim>::Zero()), upper,

@@ -44,10 +44,10 @@ std::string slump(int threads) {
   params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
                      .inertial = {.grain_diameter = 5e-4, .density = 1500, .strain_factor = 1}};
   params.solver.max_sweeps = 30;
-  params.faces = Faces<Dim>::all({FaceKind::slip});
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
   params.faces.lower[0] = {FaceKind::frictional, 0.3};
   params.faces.lower[up] = {FaceKind::frictional, 0.5};
-  params.faces.upper[0] = {FaceKind::free};
+  params.faces.upper[0] = {FaceKind::open};
   params.obstacles.push_back(std::make_shared<Gate<Dim>>(
       typename Gate<Dim>::Params{.position = 0.2, .friction = 0.2, .motion = {}}));
   params.threads = threads;
@@ -106,7 +106,7 @@ TEST_CASE("the exception of the lowest item arrives, with any number of threads"
         caught = i;
       }
       CHECK(caught == lowest);
-      std::vector<double> partials;
+      Array<double> partials;
       CHECK_THROWS_AS(execution.reduce(
                           999, partials, 0.0,
                           [&](std::ptrdiff_t begin, std::ptrdiff_t) {
@@ -146,7 +146,7 @@ TEST_CASE("ranges of equal weight cover each item once") {
 
 TEST_CASE("a team works through the same calls, and all get the same sum") {
   for (const int threads : {1, 2, 5}) {
-    std::vector<double> partials, values(1000, 0), sums(static_cast<std::size_t>(threads), 0);
+    Array<double> partials, values(1000, 0), sums(static_cast<std::size_t>(threads), 0);
     Execution(threads).team([&](const Team& team) {
       for (int round = 0; round < 50; ++round)
         team.for_ranges(1000, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {

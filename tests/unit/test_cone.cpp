@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The cone law and its local solvers, on random and degenerate problems.
 
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
 #include "talus/cone/law.hpp"
 #include "talus/cone/local_solver.hpp"
 #include "talus/cone/secular.hpp"

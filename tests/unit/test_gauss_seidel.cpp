@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Gauss-Seidel on small problems, checked with dense algebra that shares nothing with the solver.
 
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
 #include "talus/cone/law.hpp"
 #include "talus/cone/projection_step.hpp"
 #include "talus/cone/secular.hpp"
@@ -47,14 +47,15 @@ void check_solution(const DualProblem<Dim>& solved, double tolerance) {
   }
   for (std::size_t i = 0; i < cones; ++i) {
     const Eigen::Index row = static_cast<Eigen::Index>(i) * n;
-    b.segment<n>(row) = strain_rate(with_contacts, stencil, i);
-    b[row] += solved.void_rate[i];
-    lambda.segment<n>(row) = solved.stress[i];
+    b.segment<n>(row) = integrated_strain_rate(with_contacts, stencil, i);
+    b[row] += solved.free_volume_rate[i];
+    lambda.segment<n>(row) = solved.stress_impulse[i];
     for (int c = 0; c < n; ++c) {
       DualProblem<Dim> unit = zero;
-      apply_stress(unit, stencil, i, Vec<n>(Vec<n>::Unit(c)));
+      scatter_stress(unit, stencil, i, Vec<n>(Vec<n>::Unit(c)));
       for (std::size_t k = 0; k < cones; ++k)
-        w.block<n, 1>(static_cast<Eigen::Index>(k) * n, row + c) = strain_rate(unit, stencil, k);
+        w.block<n, 1>(static_cast<Eigen::Index>(k) * n, row + c) =
+            integrated_strain_rate(unit, stencil, k);
     }
     CHECK((w.block<n, n>(row, row) - diagonal_block(solved, stencil, i)).norm() <
           1e-12 * w.block<n, n>(row, row).norm());
@@ -70,11 +71,10 @@ void check_solution(const DualProblem<Dim>& solved, double tolerance) {
     const Eigen::Index row = static_cast<Eigen::Index>(i) * n;
     const Vec<n> g = gamma.segment<n>(row), l = lambda.segment<n>(row);
     const double rho = n / w.block<n, n>(row, row).trace();
-    error2 +=
-        natural_residual<n, double>(CoulombLaw{}, g, l, solved.friction[i], rho).squaredNorm();
+    error2 += natural_residual<n, double>(CoulombLaw{}, g, l, solved.opening[i], rho).squaredNorm();
     // the velocities that the solver kept are the right ones
-    Vec<n> kept = strain_rate(solved, stencil, i);
-    kept[0] += solved.void_rate[i];
+    Vec<n> kept = integrated_strain_rate(solved, stencil, i);
+    kept[0] += solved.free_volume_rate[i];
     CHECK((kept - g).norm() * rho < 1e-9 * (l.norm() + lambda.norm()));
   }
   CHECK(std::sqrt(error2) < 20 * tolerance * lambda.norm());

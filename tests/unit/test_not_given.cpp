@@ -49,8 +49,8 @@ typename Sim<Dim>::Params complete() {
   params.gravity = -9.81 * Vec<Dim>::Unit(Dim - 1);
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.faces.lower.fill({FaceKind::slip});
-  params.faces.upper.fill({FaceKind::slip});
+  params.faces.lower.fill({FaceKind::free_slip});
+  params.faces.upper.fill({FaceKind::free_slip});
   return params;
 }
 
@@ -79,10 +79,11 @@ void check_scene() {
   for (std::size_t a = 0; a < std::size_t{Dim}; ++a) {
     CHECK(without<Dim>([a](auto& params, const auto& fresh) {
             params.faces.lower[a] = fresh.faces.lower[a];
-          }) == "faces.lower." + std::string(1, axes[a]) +
-                    " is not given; allowed: FaceKind::stick, slip, free, frictional or periodic; "
-                    "it has no "
-                    "default");
+          }) ==
+          "faces.lower." + std::string(1, axes[a]) +
+              " is not given; allowed: FaceKind::no_slip, slip, free, frictional or periodic; "
+              "it has no "
+              "default");
     CHECK(without<Dim>([a](auto& params, const auto&) {
             params.faces.upper[a] = {};
           }).starts_with("faces.upper." + std::string(1, axes[a]) + " is not given; "));
@@ -122,9 +123,7 @@ TEST_CASE("cohesion, viscosity and the frictions of a collapse have no default")
   using Sticky = WithCohesion<ConstantFriction>;
   CHECK(refusal([] { Sticky({.law = {.mu = 0.4}}); }).starts_with("rheology.cohesion is nan, not"));
   using Slow = WithViscosity<ConstantFriction>;
-  CHECK(refusal([] {
-          Slow({.law = {.mu = 0.4}});
-        }).starts_with("rheology.viscosity.eta is nan, not"));
+  CHECK(refusal([] { Slow({.law = {.mu = 0.4}}); }).starts_with("rheology.viscosity is nan, not"));
   CollapseSetup setup;
   setup.column_length = setup.column_height = 0.1;
   setup.length = setup.height = 1;

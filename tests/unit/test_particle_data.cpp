@@ -33,8 +33,8 @@ Sim<Real> column() {
   params.gravity = {0, -9.81};
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.faces = Faces<2>::all({FaceKind::slip});
-  params.faces.lower[1] = {FaceKind::stick};
+  params.faces = Faces<2>::all({FaceKind::free_slip});
+  params.faces.lower[1] = {FaceKind::no_slip};
   Particles<2, Real> sand;
   fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.1, 0.1}, {});
   return Sim<Real>(params, sand);

@@ -42,9 +42,9 @@ typename Sim<Dim>::Params box() {
   params.gravity = -9.81 * Vec<Dim>::Unit(Dim - 1);
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
-  params.faces = Faces<Dim>::all({FaceKind::slip});
-  params.faces.lower[Dim - 1] = {FaceKind::stick};
-  params.faces.upper[Dim - 1] = {FaceKind::free};
+  params.faces = Faces<Dim>::all({FaceKind::free_slip});
+  params.faces.lower[Dim - 1] = {FaceKind::no_slip};
+  params.faces.upper[Dim - 1] = {FaceKind::open};
   return params;
 }
 
@@ -140,11 +140,11 @@ TEST_CASE("a gate is done when it has left the material or has stopped, not befo
 }
 
 TEST_CASE("the friction of a face that is not frictional is refused") {
-  auto faces = Faces<2>::all({FaceKind::slip});
+  auto faces = Faces<2>::all({FaceKind::free_slip});
   faces.lower[0] = {FaceKind::frictional, 0.3};
-  faces.upper[0] = {FaceKind::stick, 0};
+  faces.upper[0] = {FaceKind::no_slip, 0};
   faces.validate();
-  faces.lower[1] = {FaceKind::stick, 0.3};
+  faces.lower[1] = {FaceKind::no_slip, 0.3};
   CHECK_THROWS_WITH_AS(
       faces.validate(),
       "faces.lower.y.friction is 0.3; allowed: none for a face that is not FaceKind::frictional",

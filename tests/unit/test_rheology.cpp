@@ -152,9 +152,9 @@ TEST_CASE("a law that gives no friction during a run stops the step, and the rep
     params.gravity = {0, -9.81};
     params.time_step = 2e-3;
     params.rheology = {.law = {.bad = bad}, .inertial = beads};
-    params.faces = Faces<2>::all({FaceKind::slip});
-    params.faces.lower[1] = {FaceKind::stick};
-    params.faces.upper[1] = {FaceKind::free};
+    params.faces = Faces<2>::all({FaceKind::free_slip});
+    params.faces.lower[1] = {FaceKind::no_slip};
+    params.faces.upper[1] = {FaceKind::open};
     Particles<2> particles;
     fill_box<2>(particles, Grid<2>(params.grid), {0, 0}, {0.1, 0.15}, {.per_axis = 2});
     Sim sim(params, particles);

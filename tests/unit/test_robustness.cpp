@@ -78,7 +78,7 @@ void holds(const std::string& what, const Scene<Dim>& scene, int steps = 20,
     CHECK((good || may_miss));
     for (const auto& v : sim.particles().velocity)
       REQUIRE(v.norm() < 10 * scene.params.grid.size[0]);
-    for (const auto& lambda : sim.problem().stress)
+    for (const auto& lambda : sim.problem().stress_impulse)
       REQUIRE(lambda.allFinite());
   }
 }
@@ -177,9 +177,9 @@ TEST_CASE("a stress wrong by a fraction shows a residual of about that fraction"
       Vec<6> change;
       for (int k = 0; k < 6; ++k)
         change[k] = random.uniform() - 0.5;
-      change *= wrong * problem.stress[i].norm() / change.norm();
-      problem.stress[i] += change;
-      apply_stress(problem, stencil, i, change);
+      change *= wrong * problem.stress_impulse[i].norm() / change.norm();
+      problem.stress_impulse[i] += change;
+      scatter_stress(problem, stencil, i, change);
     }
     std::vector<double> inverse_scale;
     for (std::size_t i = 0; i < problem.cones(); ++i)

@@ -99,7 +99,8 @@ TEST_CASE("composed solids") {
   CHECK(difference(left, right).distance(Vec<2>(0, 0)) == doctest::Approx(0.2));
   CHECK(Complement(left).distance(Vec<2>(-0.5, 0)) == doctest::Approx(0.7));
   const Mat<2> quarter = rotation_by<2>(Spin<2>(std::numbers::pi / 2));
-  const Moved<2, Box<2>> turned(Box<2>({0, 0}, {2, 1}), quarter, {1, 0}); // now [0, 1] × [0, 2]
+  const Transformed<2, Box<2>> turned(Box<2>({0, 0}, {2, 1}), quarter,
+                                      {1, 0}); // now [0, 1] × [0, 2]
   is_exact<2>(turned, true);
   CHECK(turned.distance({0.5, 2.5}) == doctest::Approx(0.5));
   CHECK(turned.distance({-0.25, 1}) == doctest::Approx(0.25));
@@ -117,7 +118,7 @@ TEST_CASE("what makes no solid, obstacle or body is refused") {
   CHECK(contains(refused([] { Capsule<2>({0, 0}, {0, 0}, 1); }), "capsule: |b - a| is 0"));
   CHECK(contains(refused([] { Cylinder({0, 0, 0}, {1, 0, 0}, -1); }), "cylinder: radius is -1"));
   CHECK(contains(refused([] {
-                   Moved<2, Ball<2>>(Ball<2>({0, 0}, 1), 2 * Mat<2>::Identity(), {0, 0});
+                   Transformed<2, Ball<2>>(Ball<2>({0, 0}, 1), 2 * Mat<2>::Identity(), {0, 0});
                  }),
                  "a rotation"));
   CHECK(contains(refused([] { ShapeObstacle<2>({.shape = {}}); }), "shape is empty"));
@@ -193,11 +194,11 @@ TEST_CASE("nodes see a plane where it is, and half of their volume at it") {
   const Vec<2> spacing(0.1, 0.2);
   const HalfSpace<2> floor({0, 0}, {0, 1});
   const auto at = [&](double y) { return node_in_solid<2>(floor, {0.3, y}, spacing); };
-  CHECK(at(0).open_share == doctest::Approx(0.5));
-  CHECK(at(0.2).open_share == doctest::Approx(1));
-  CHECK(at(-0.2).open_share == doctest::Approx(0));
-  CHECK(at(0.1).open_share == doctest::Approx(0.875)); // ∫ of the hat above −1/2
-  CHECK(at(0.05).open_share + at(-0.05).open_share == doctest::Approx(1));
+  CHECK(at(0).open_fraction == doctest::Approx(0.5));
+  CHECK(at(0.2).open_fraction == doctest::Approx(1));
+  CHECK(at(-0.2).open_fraction == doctest::Approx(0));
+  CHECK(at(0.1).open_fraction == doctest::Approx(0.875)); // ∫ of the hat above −1/2
+  CHECK(at(0.05).open_fraction + at(-0.05).open_fraction == doctest::Approx(1));
   CHECK(at(0.1).contact);
   CHECK(!at(0.101).contact);
   CHECK(at(-5).contact);

@@ -49,7 +49,7 @@ class Ceiling final : public Obstacle<Dim> {
       return std::nullopt;
     return ObstacleContact<Dim>{-Vec<Dim>::Unit(0), Vec<Dim>::Unit(0), 0.3};
   }
-  double open_share(const Vec<Dim>& x, const Vec<Dim>&, double time) const override {
+  double open_fraction(const Vec<Dim>& x, const Vec<Dim>&, double time) const override {
     return x[0] < 0.8 + time ? 1 : 0.7;
   }
 };
@@ -139,7 +139,7 @@ void check_list(Random& random, const Vec<Dim>& origin) {
       double share = 1;
       std::vector<std::size_t> holding, found;
       for (std::size_t o = 0; o < obstacles.size(); ++o) {
-        share *= obstacles[o]->open_share(x, grid.spacing(), bounds.time);
+        share *= obstacles[o]->open_fraction(x, grid.spacing(), bounds.time);
         if (const auto contact = obstacles[o]->contact(x, grid.spacing(), bounds.time)) {
           holding.push_back(o);
           const auto ours = solids.at_obstacle(bounds, o, x).contact;
@@ -151,8 +151,8 @@ void check_list(Random& random, const Vec<Dim>& origin) {
       }
       for (std::size_t b = 0; b < bodies.size(); ++b) {
         const auto seen =
-            node_in_solid<Dim>(Placed<Dim>{bodies[b].shape, states[b]}, x, grid.spacing());
-        share *= seen.open_share;
+            node_in_solid<Dim>(Posed<Dim>{bodies[b].shape, states[b]}, x, grid.spacing());
+        share *= seen.open_fraction;
         if (seen.contact)
           held.emplace_back(b, i);
       }
@@ -197,7 +197,7 @@ TEST_CASE("a motion is asked once a step, a shape only near it") {
     params.time_step = 1e-3;
     params.cfl = cfl;
     params.rheology.mu = 0.4;
-    params.faces = Faces<2>::all({FaceKind::slip});
+    params.faces = Faces<2>::all({FaceKind::free_slip});
     std::size_t motions = 0, of_obstacle = 0, of_body = 0;
     params.obstacles.push_back(make_obstacle<ShapeObstacle<2>>(
         {.shape = Counted{0.02, &of_obstacle}, .friction = 0.3, .motion = [&](double time) {

@@ -54,9 +54,9 @@ typename AnySim::Params box() {
   params.time_step = 2e-3;
   if constexpr (requires { params.rheology.mu; })
     params.rheology.mu = 0.44;
-  params.faces = Faces<2>::all({FaceKind::slip});
-  params.faces.lower[1] = {FaceKind::stick};
-  params.faces.upper[1] = {FaceKind::free};
+  params.faces = Faces<2>::all({FaceKind::free_slip});
+  params.faces.lower[1] = {FaceKind::no_slip};
+  params.faces.upper[1] = {FaceKind::open};
   return params;
 }
 
@@ -107,7 +107,7 @@ std::vector<double> all_of(const AnySim& sim) {
   for (std::size_t o = 0; o < sim.params().obstacles.size(); ++o)
     add(sim.obstacle_wrench(o).force);
   const auto& state = sim.state();
-  for (const auto& stress : state.node_stress)
+  for (const auto& stress : state.stress_impulse)
     add(stress);
   for (const auto& contact : state.contacts)
     add(contact.impulse);
@@ -154,7 +154,7 @@ class MoodyWall final : public Obstacle<2> {
       contact.friction = moody(0.3);
     return contact;
   }
-  double open_share(const Vec<2>& x, const Vec<2>&, double) const override {
+  double open_fraction(const Vec<2>& x, const Vec<2>&, double) const override {
     if (x[0] < 0.05)
       return 1;
     // from several threads; the lowest node must be heard
@@ -241,7 +241,7 @@ TEST_CASE("an id is given once, however particles come and go") {
 TEST_CASE("the ids of what has left are not given again after a checkpoint") {
   const Folder folder;
   auto params = box();
-  params.faces.upper[0] = {FaceKind::free};
+  params.faces.upper[0] = {FaceKind::open};
   Particles<2> sand = column(params.grid);
   const std::size_t first = sand.size();
   sand.add({0.399, 0.1}, {2, 0}, 1e-5); // the newest leaves at once
@@ -259,7 +259,7 @@ TEST_CASE("the ids of what has left are not given again after a checkpoint") {
 TEST_CASE("a box may start empty, be filled, run dry and be filled again") {
   const Folder folder;
   auto params = box();
-  params.faces.lower[1] = {FaceKind::free}; // no floor
+  params.faces.lower[1] = {FaceKind::open}; // no floor
   params.cfl = 0.5;
   for (const bool with_body : {false, true}) {
     CAPTURE(with_body);
@@ -316,7 +316,7 @@ TEST_CASE("material may be taken out, all of it") {
   state.particles.resize(0);
   sim.restore(state);
   CHECK(sim.step().solve.status == SolveStatus::converged);
-  for (const auto& stress : sim.state().node_stress)
+  for (const auto& stress : sim.state().stress_impulse)
     CHECK(stress.norm() == 0);
 }
 
@@ -328,7 +328,7 @@ TEST_CASE(
     CAPTURE(corners);
     auto params = box();
     params.cfl = 0.5;
-    params.faces.upper[0] = {FaceKind::free};
+    params.faces.upper[0] = {FaceKind::open};
     params.bodies = {ball_body<2>({0.3, 0.1}, 0.03, 2600, 0.4)};
     params.bodies[0].start.velocity = {3, 1};
     if (!corners)
@@ -361,7 +361,7 @@ TEST_CASE(
   Sim<> without(params, column(params.grid));
   params.bodies = {ball_body<2>({0.35, 0.5}, 0.03, 2600, 0.4)}; // above, and on its way out
   params.bodies[0].start.velocity = {300, 0};
-  params.faces.upper[0] = {FaceKind::free};
+  params.faces.upper[0] = {FaceKind::open};
   Sim<> with(params, column(params.grid));
   CHECK(with.step().bodies_left == 1);
   advance(without, 1);
@@ -453,7 +453,7 @@ TEST_CASE(
                                        "m: |normal| is",
                                        "|velocity|",
                                        "m: friction is nan",
-                                       "obstacle 0: open_share",
+                                       "obstacle 0: open_fraction",
                                        "a shape's distance at x = (",
                                        "shape_obstacle.motion's velocity",
                                        "a shape's distance at x = ("};
@@ -583,9 +583,9 @@ struct MoodySolver {
 } // namespace
 
 TEST_CASE("velocities that are not finite are refused, whatever the solver says") {
-  using Moved = Simulation<2, ConstantFriction, Apic, MoodySolver>;
+  using Transformed = Simulation<2, ConstantFriction, Apic, MoodySolver>;
   mood = Mood::fine;
-  Moved sim(box<Moved>(), column(box().grid));
+  Transformed sim(box<Transformed>(), column(box().grid));
   advance(sim, 3);
   const std::vector<double> before = all_of(sim);
   mood = Mood::not_a_number;
@@ -667,7 +667,7 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
   Particles<2> sand = column(params.grid);
   for (auto& v : sand.velocity)
     v = {1, 0};
-  params.faces.lower[1] = {FaceKind::slip};
+  params.faces.lower[1] = {FaceKind::free_slip};
   params.packing = {.slack = 0.02, .dilatancy = 0};
   Sim<> sim(params, sand);
   const StepReport report = sim.step();

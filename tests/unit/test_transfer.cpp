@@ -29,7 +29,7 @@ struct Cloud {
   Grid<Dim> grid;
   Particles<Dim> particles, unordered;
   CellOrder<Dim> order;
-  std::vector<CellMoments<Dim>> moments;
+  Array<CellMoments<Dim>> moments;
 
   explicit Cloud(ParticleField field, double volume = 1) {
     GridParams<Dim> params;
@@ -151,9 +151,9 @@ void check_sums(ParticleField field) {
   const Cloud<Dim> cloud(field, 1e-3); // no cell is full
   const Grid<Dim>& grid = cloud.grid;
   const std::size_t nodes = static_cast<std::size_t>(grid.node_count());
-  std::vector<double> volume(nodes, 0);
-  std::vector<Vec<Dim>> momentum(nodes, Vec<Dim>::Zero());
-  std::vector<Coupling<Dim>> coupling(nodes, Coupling<Dim>::Zero());
+  Array<double> volume(nodes, 0);
+  Array<Vec<Dim>> momentum(nodes, Vec<Dim>::Zero());
+  std::vector<GradientWeights<Dim>> coupling(nodes, GradientWeights<Dim>::Zero());
   for (std::size_t p = 0; p < cloud.particles.size(); ++p) {
     const Vec<Dim> x = cloud.particles.position[p];
     const Index<Dim> cell = grid.cell_at(x);
@@ -189,7 +189,7 @@ void check_sums(ParticleField field) {
     const std::size_t i = static_cast<std::size_t>(node);
     double sum = 0;
     Vec<Dim> m = Vec<Dim>::Zero();
-    Coupling<Dim> g = Coupling<Dim>::Zero();
+    GradientWeights<Dim> g = GradientWeights<Dim>::Zero();
     cloud.at_node(node, [&](const CellMoments<Dim>& moments, int corner) {
       sum += corner_volume(moments, corner);
       m += moments.momentum[static_cast<std::size_t>(corner)];
@@ -213,7 +213,7 @@ void check_full_cells() {
   cloud.order.update(cloud.particles, grid, Execution());
   all_cell_moments<ParticleField::constant>(cloud.particles, cloud.order, grid, Execution(),
                                             cloud.moments, true);
-  Coupling<Dim> g = Coupling<Dim>::Zero();
+  GradientWeights<Dim> g = GradientWeights<Dim>::Zero();
   Index<Dim> middle;
   for (int a = 0; a < Dim; ++a)
     middle[a] = 1;
@@ -252,8 +252,8 @@ void check_shifting() {
   }
   CellOrder<Dim> order;
   order.update(particles, grid, Execution());
-  std::vector<double> excess(static_cast<std::size_t>(grid.node_count()), not_inside);
-  std::vector<double> strains(excess.size(), 0);
+  Array<double> excess(static_cast<std::size_t>(grid.node_count()), not_inside);
+  Array<double> strains(excess.size(), 0);
   const auto set = [&](double slope, double strain) { // φ grows along x; the upper half is outside
     for_each_node(grid, [&](int node) {
       const Vec<Dim> x = grid.node_position(node);
@@ -335,7 +335,7 @@ void check_samples() {
   Cloud<Dim> cloud(ParticleField::multilinear);
   const Grid<Dim>& grid = cloud.grid;
   Random random(11);
-  std::vector<Vec<Dim>> u(static_cast<std::size_t>(grid.node_count())), before(u.size());
+  Array<Vec<Dim>> u(static_cast<std::size_t>(grid.node_count())), before(u.size());
   for (std::size_t j = 0; j < u.size(); ++j)
     for (int a = 0; a < Dim; ++a) {
       u[j][a] = random.uniform() - 0.5;
@@ -345,7 +345,7 @@ void check_samples() {
   const Vec<Dim> lower = grid.origin(),
                  upper = Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
   Particles<Dim> after = cloud.particles;
-  std::vector<double> divergence(u.size());
+  Array<double> divergence(u.size());
   for (double& d : divergence)
     d = random.uniform();
   grid_to_particles(after, cloud.order, grid, Record(), u, before, divergence, cloud.moments, dt,
@@ -395,8 +395,8 @@ void check_samples() {
 
 /// The nodal velocities that the particles give, 0 where there are none.
 template <int Dim>
-std::vector<Vec<Dim>> nodal_velocities(const Cloud<Dim>& cloud) {
-  std::vector<Vec<Dim>> u(static_cast<std::size_t>(cloud.grid.node_count()), Vec<Dim>::Zero());
+Array<Vec<Dim>> nodal_velocities(const Cloud<Dim>& cloud) {
+  Array<Vec<Dim>> u(static_cast<std::size_t>(cloud.grid.node_count()), Vec<Dim>::Zero());
   for_each_node(cloud.grid, [&](int node) {
     double volume = 0;
     Vec<Dim> momentum = Vec<Dim>::Zero();
@@ -438,11 +438,11 @@ double round_trip_loss(Transfer transfer, double time_step) {
   cloud.particles.resize_mixed(cloud.particles.size());
   const Grid<Dim>& grid = cloud.grid;
   Random random(13);
-  std::vector<Vec<Dim>> u(static_cast<std::size_t>(grid.node_count()));
+  Array<Vec<Dim>> u(static_cast<std::size_t>(grid.node_count()));
   for (Vec<Dim>& v : u)
     for (int a = 0; a < Dim; ++a)
       v[a] = random.uniform() - 0.5;
-  const std::vector<double> divergence(u.size(), 0);
+  const Array<double> divergence(u.size(), 0);
   const Vec<Dim> everywhere = Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
   if constexpr (requires { transfer.prepare(TransferStep{}); })
     transfer.prepare({time_step, 30});

@@ -14,9 +14,9 @@ namespace talus {
 
 /// What a face of the box does to the material.
 enum class FaceKind {
-  stick,      ///< u = 0
-  slip,       ///< u·n = 0
-  free,       ///< nothing: material that passes it leaves the simulation
+  no_slip,    ///< u = 0
+  free_slip,  ///< u·n = 0
+  open,       ///< nothing: material that passes it leaves the simulation
   frictional, ///< Coulomb contact with coefficient `friction`; the material may come off
   periodic,   ///< the box goes on at the opposite face, which must be periodic as well
   unset,      ///< refused: a face has no default
@@ -47,8 +47,9 @@ struct Faces {
     constexpr const char* axis_names[] = {"x", "y", "z"};
     const auto check = [](const std::string& name, const Face& face) {
       if (face.kind == FaceKind::unset)
-        throw_invalid(name, "not given",
-                      "FaceKind::stick, slip, free, frictional or periodic; it has no default");
+        throw_invalid(
+            name, "not given",
+            "FaceKind::no_slip, free_slip, open, frictional or periodic; it has no default");
       if (face.kind == FaceKind::frictional)
         require_given_non_negative(name + ".friction", face.friction);
       else if (!std::isnan(face.friction) && face.friction != 0)

@@ -13,9 +13,10 @@ namespace talus {
 /// How a node of the grid sees a solid.
 template <int Dim>
 struct NodeInSolid {
-  bool contact = false;               ///< the solid holds the material at this node
-  double open_share = 1;              ///< share of the node's volume that is outside of the solid
-  Vec<Dim> normal = Vec<Dim>::Zero(); ///< unit, out of the solid; where open_share < 1 or contact
+  bool contact = false;     ///< the solid holds the material at this node
+  double open_fraction = 1; ///< share of the node's volume that is outside of the solid
+  Vec<Dim> normal =
+      Vec<Dim>::Zero(); ///< unit, out of the solid; where open_fraction < 1 or contact
 };
 
 /// The node at x (m) of a grid with cells of `spacing` (Dim, m).
@@ -43,7 +44,7 @@ NodeInSolid<Dim> node_in_solid(const S& solid, const Vec<Dim>& x, const Vec<Dim>
   const Vec<Dim> below = plus_scaled<Dim>(x, -(distance + reach), node.normal);
   distance -= std::max(0.0, reach + distance_to<Dim>(solid, below)) / 2;
   const double s = std::clamp(distance / reach, -1.0, 1.0);
-  node.open_share = 0.5 + s * (1 - std::abs(s) / 2);
+  node.open_fraction = 0.5 + s * (1 - std::abs(s) / 2);
   node.contact = s <= 0.5 + 1e-9; // positions are sums of rounded numbers
   return node;
 }

@@ -26,7 +26,7 @@ struct ObstacleContact {
 /// How a node sees an obstacle.
 template <int Dim>
 struct ObstacleAtNode {
-  double open_share = 1; ///< see Obstacle::open_share
+  double open_fraction = 1; ///< see Obstacle::open_fraction
   std::optional<ObstacleContact<Dim>> contact;
 };
 
@@ -48,8 +48,8 @@ class Obstacle {
   /// Share of the volume of the node at x that is outside of the obstacle, in [0, 1]. Without it
   /// material that fills the rest of a node's volume counts as loose, and settles by up to half a
   /// cell on the obstacle.
-  virtual double open_share(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/,
-                            double /*time*/) const {
+  virtual double open_fraction(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/,
+                               double /*time*/) const {
     return 1;
   }
 
@@ -66,10 +66,10 @@ class Obstacle {
     return Vec<Dim>::Constant(std::numeric_limits<double>::infinity());
   }
 
-  /// contact() and open_share() at once: what a step calls. frame: that at `time`.
+  /// contact() and open_fraction() at once: what a step calls. frame: that at `time`.
   virtual ObstacleAtNode<Dim> at_node(const Vec<Dim>& x, const Vec<Dim>& spacing, double time,
                                       const RigidState<Dim>& /*frame*/) const {
-    return {open_share(x, spacing, time), contact(x, spacing, time)};
+    return {open_fraction(x, spacing, time), contact(x, spacing, time)};
   }
 };
 
@@ -100,7 +100,7 @@ void check_contact(std::size_t number, const Vec<Dim>& x, const ObstacleContact<
 template <int Dim>
 void check_open_share(std::size_t number, const Vec<Dim>& x, double share) {
   if (!(share >= -1e-6 && share <= 1 + 1e-6))
-    throw_invalid("obstacle " + std::to_string(number) + ": open_share at " + place_text<Dim>(x),
+    throw_invalid("obstacle " + std::to_string(number) + ": open_fraction at " + place_text<Dim>(x),
                   share, "a number in [0, 1]");
 }
 

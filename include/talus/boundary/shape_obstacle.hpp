@@ -48,8 +48,8 @@ class ShapeObstacle final : public Obstacle<Dim> {
     return at_node(x, spacing, time, state(time)).contact;
   }
 
-  double open_share(const Vec<Dim>& x, const Vec<Dim>& spacing, double time) const override {
-    return at_node(x, spacing, time, state(time)).open_share;
+  double open_fraction(const Vec<Dim>& x, const Vec<Dim>& spacing, double time) const override {
+    return at_node(x, spacing, time, state(time)).open_fraction;
   }
 
   RigidState<Dim> frame(double time) const override { return state(time); }
@@ -57,8 +57,8 @@ class ShapeObstacle final : public Obstacle<Dim> {
 
   ObstacleAtNode<Dim> at_node(const Vec<Dim>& x, const Vec<Dim>& spacing, double /*time*/,
                               const RigidState<Dim>& frame) const override {
-    const NodeInSolid<Dim> node = node_in_solid<Dim>(Placed<Dim>{params_.shape, frame}, x, spacing);
-    ObstacleAtNode<Dim> seen{node.open_share, std::nullopt};
+    const NodeInSolid<Dim> node = node_in_solid<Dim>(Posed<Dim>{params_.shape, frame}, x, spacing);
+    ObstacleAtNode<Dim> seen{node.open_fraction, std::nullopt};
     if (node.contact)
       seen.contact = {node.normal, frame.velocity_at(x), params_.friction};
     return seen;

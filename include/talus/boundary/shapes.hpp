@@ -191,10 +191,10 @@ auto difference(A a, B b) {
 
 /// A turned about the origin, then shifted: its points are rotation · a + shift.
 template <int Dim, class A>
-class Moved {
+class Transformed {
  public:
   /// rotation: orthogonal, or this throws; shift: m.
-  Moved(A a, const Mat<Dim>& rotation, const Vec<Dim>& shift)
+  Transformed(A a, const Mat<Dim>& rotation, const Vec<Dim>& shift)
       : a_(std::move(a)), rotation_(rotation), shift_(shift) {
     const double error = orthogonality_error<Dim>(rotation);
     if (!(error < 1e-9))
@@ -212,7 +212,7 @@ class Moved {
 };
 
 template <int Dim, class A>
-Moved<Dim, A> translated(A a, const Vec<Dim>& shift) {
+Transformed<Dim, A> translated(A a, const Vec<Dim>& shift) {
   return {std::move(a), Mat<Dim>::Identity(), shift};
 }
 

@@ -59,7 +59,7 @@ class Shape {
 
 /// A solid in its own frame, seen from the box.
 template <int Dim>
-struct Placed {
+struct Posed {
   const Shape<Dim>& shape;
   const RigidState<Dim>& state;
   double distance(const Vec<Dim>& x) const { return shape.distance(state.in_body(x)); }

@@ -28,7 +28,7 @@ class Array : public std::vector<T> {
 /// N values, as std::array has them, of a size and with indices that are int.
 template <class T, int N>
 struct SmallArray {
-  T values[static_cast<std::size_t>(N)]{};
+  T values[static_cast<std::size_t>(N)];
 
   constexpr T& operator[](std::size_t i) { return values[i]; }
   constexpr T& operator[](int i) { return values[i]; }

@@ -35,7 +35,7 @@ void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
   body.angular_velocity = minus<spin_size<Dim>>(body.angular_velocity, turn);
   if (contact.node < 0)
     return;
-  const std::size_t j = static_cast<std::size_t>(contact.node);
+  const int j = contact.node;
   for (int a = 0; a < Dim; ++a)
     problem.velocity[j][a] += problem.inverse_mass[j][a] * impulse[a];
 }

@@ -44,7 +44,7 @@ void share_velocity(DualProblem<Dim>& problem, int node) {
 /// w the inverse mass.
 template <int Dim>
 double update_contact(DualProblem<Dim>& problem, Contact<Dim>& contact) {
-  const std::size_t j = static_cast<std::size_t>(contact.node);
+  const int j = contact.node;
   const Vec<Dim> u = problem.velocity[j].template head<Dim>();
   const double inverse_mass = contact_inverse_mass(problem, contact);
   const Vec<Dim> impulse = contact_impulse<Dim>(contact, u, inverse_mass);

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
-#include "talus/dual/coloring.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/problem.hpp"
 
-#include <array>
 #include <cstddef>
 
 /// \file
@@ -31,60 +31,58 @@ class Stencil {
   int row(int r) const { return row_[r]; }
 
  private:
-  std::array<int, static_cast<std::size_t>(rows)> row_{};
+  SmallArray<int, rows> row_{};
 };
 
 /// Velocity gradient sum L = Σ_j u_j ⊗ g_j: column b is Σ_j u_j g_j,b.
 /// u points at the velocity of the node in the middle.
 template <int Dim>
 RectMat<NodeVec<Dim>::RowsAtCompileTime, Dim>
-gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const Coupling<Dim>& g) {
-  using Wide = NodeVec<Dim>;
+gather_gradient(const NodeVec<Dim>* u, const Stencil<Dim>& stencil, const GradientWeights<Dim>& g) {
+  using Padded = NodeVec<Dim>;
   // One partial sum per place in a row: the additions of the three don't wait for each other.
-  std::array<std::array<Wide, static_cast<std::size_t>(Dim)>, 3> sum;
+  SmallArray<SmallArray<Padded, Dim>, 3> sum;
   for (auto& s : sum)
     for (auto& column : s)
       column.setZero();
   for (int r = 0; r < Stencil<Dim>::rows; ++r) {
-    const Wide* row = u + stencil.row(r);
-    for (std::size_t k = 0; k < 3; ++k)
+    const Padded* row = u + stencil.row(r);
+    for (int k = 0; k < 3; ++k)
       for (int b = 0; b < Dim; ++b)
-        sum[k][b] += row[k] * g(b, 3 * r + static_cast<int>(k));
+        sum[k][b] += row[k] * g(b, 3 * r + k);
   }
-  RectMat<Wide::RowsAtCompileTime, Dim> gradient;
-  for (int b = 0; b < Dim; ++b) {
-    const std::size_t s = static_cast<std::size_t>(b);
-    gradient.col(b) = sum[0][s] + sum[1][s] + sum[2][s];
-  }
+  RectMat<Padded::RowsAtCompileTime, Dim> gradient;
+  for (int b = 0; b < Dim; ++b)
+    gradient.col(b) = sum[0][b] + sum[1][b] + sum[2][b];
   return gradient;
 }
 
 /// B_i u = vec(sym Σ_j u_j ⊗ g_ij), m^d/s.
 template <int Dim>
-Vec<symmetric_size<Dim>> strain_rate(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                                     std::size_t cone) {
+Vec<symmetric_size<Dim>> integrated_strain_rate(const DualProblem<Dim>& problem,
+                                                const Stencil<Dim>& stencil, std::size_t cone) {
   const auto gradient = gather_gradient<Dim>(problem.velocity.data() + problem.node[cone], stencil,
-                                             problem.coupling[cone]);
+                                             problem.gradient_weights[cone]);
   return symmetric_to_vector<Dim, double>(gradient.template topRows<Dim>());
 }
 
 /// u_j += M_j⁻¹ Λ g_ij for all neighbours j: what the stress impulse λ of a cone does.
 template <int Dim>
-void apply_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std::size_t cone,
-                  const Vec<symmetric_size<Dim>>& lambda) {
-  using Wide = NodeVec<Dim>;
-  RectMat<Wide::RowsAtCompileTime, Dim> tensor;
+void scatter_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std::size_t cone,
+                    const Vec<symmetric_size<Dim>>& lambda) {
+  using Padded = NodeVec<Dim>;
+  RectMat<Padded::RowsAtCompileTime, Dim> tensor;
   tensor.setZero();
   tensor.template topRows<Dim>() = vector_to_symmetric<Dim, double>(lambda);
-  const Coupling<Dim>& g = problem.coupling[cone];
-  Wide* u = problem.velocity.data() + problem.node[cone];
-  const Wide* inverse_mass = problem.inverse_mass.data() + problem.node[cone];
+  const GradientWeights<Dim>& g = problem.gradient_weights[cone];
+  Padded* u = problem.velocity.data() + problem.node[cone];
+  const Padded* inverse_mass = problem.inverse_mass.data() + problem.node[cone];
   for (int r = 0; r < Stencil<Dim>::rows; ++r) {
-    Wide* row = u + stencil.row(r);
-    const Wide* mass_row = inverse_mass + stencil.row(r);
+    Padded* row = u + stencil.row(r);
+    const Padded* mass_row = inverse_mass + stencil.row(r);
     for (int k = 0; k < 3; ++k) {
       const int j = 3 * r + k;
-      Wide force = tensor.col(0) * g(0, j) + tensor.col(1) * g(1, j);
+      Padded force = tensor.col(0) * g(0, j) + tensor.col(1) * g(1, j);
       if constexpr (Dim == 3)
         force += tensor.col(2) * g(2, j);
       row[k] += mass_row[k].cwiseProduct(force);
@@ -104,10 +102,10 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
   constexpr int n = symmetric_size<Dim>;
   // A_a = Σ_j g_j g_jᵀ / m_j,a: all that W needs of the neighbours, since row a of a velocity
   // gradient u ⊗ g only feels the mass of component a.
-  std::array<Mat<Dim>, static_cast<std::size_t>(Dim)> second;
+  SmallArray<Mat<Dim>, Dim> second;
   for (auto& m : second)
     m.setZero();
-  const Coupling<Dim>& g = problem.coupling[cone];
+  const GradientWeights<Dim>& g = problem.gradient_weights[cone];
   const NodeVec<Dim>* inverse_mass = problem.inverse_mass.data() + problem.node[cone];
   for (int r = 0; r < Stencil<Dim>::rows; ++r)
     for (int k = 0; k < 3; ++k) {
@@ -145,11 +143,11 @@ template <int Dim>
 void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
                     const Execution& execution) {
   for_each_cone(problem, execution, [&](std::size_t i) {
-    if (!problem.stress[i].isZero(0))
-      apply_stress(problem, stencil, i, problem.stress[i]);
+    if (!problem.stress_impulse[i].isZero(0))
+      scatter_stress(problem, stencil, i, problem.stress_impulse[i]);
   });
   for (const Contact<Dim>& contact : problem.contacts) {
-    const std::size_t j = static_cast<std::size_t>(contact.node);
+    const int j = contact.node;
     for (int a = 0; a < Dim; ++a)
       problem.velocity[j][a] += problem.inverse_mass[j][a] * contact.impulse[a];
     share_velocity(problem, contact.node);
@@ -163,11 +161,11 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
 template <int Dim>
 void remove_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil) {
   for (std::size_t i = 0; i < problem.cones(); ++i) {
-    apply_stress(problem, stencil, i, Vec<symmetric_size<Dim>>(-problem.stress[i]));
-    problem.stress[i].setZero();
+    scatter_stress(problem, stencil, i, Vec<symmetric_size<Dim>>(-problem.stress_impulse[i]));
+    problem.stress_impulse[i].setZero();
   }
   for (Contact<Dim>& contact : problem.contacts) {
-    const std::size_t j = static_cast<std::size_t>(contact.node);
+    const int j = contact.node;
     problem.velocity[j].template head<Dim>() -=
         problem.inverse_mass[j].template head<Dim>().cwiseProduct(contact.impulse);
     share_velocity(problem, contact.node);

@@ -3,11 +3,11 @@
 
 #include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/node_types.hpp"
 #include "talus/core/periodic_nodes.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
-#include "talus/transfer/cell_moments.hpp"
 
 #include <cstddef>
 
@@ -17,18 +17,14 @@
 
 namespace talus {
 
-/// A nodal velocity or inverse mass, padded to a power of two so that it loads as one vector.
-template <int Dim>
-using NodeVec = Vec<Dim == 2 ? 2 : 4>;
-
 /// A Coulomb contact at one node:
 /// \f[ 0 ≤ w·n ⊥ r·n ≥ 0, \quad |r_t| ≤ μ_w\, r·n, \quad w = u_j − u_b, \f]
 /// r_t opposite to w_t while it slides.
 template <int Dim>
 struct Contact {
-  int node = 0;                              ///< node number on the grid
-  int source = 0;                            ///< which face or obstacle: its key for the warm start
-  Vec<Dim> normal = Vec<Dim>::Zero();        ///< n, unit, towards the material
+  int node = 0;                       ///< node number on the grid
+  int boundary_id = 0;                ///< of the face, obstacle or body: its key for the warm start
+  Vec<Dim> normal = Vec<Dim>::Zero(); ///< n, unit, towards the material
   Vec<Dim> wall_velocity = Vec<Dim>::Zero(); ///< u_b, m/s
   double friction = 0;                       ///< μ_w
   Vec<Dim> impulse = Vec<Dim>::Zero();       ///< r, N s (per metre in 2-D); the unknown
@@ -53,7 +49,7 @@ struct BodyContact : Contact<Dim> { ///< node: < 0 on a face, −1 − number of
       0; ///< a bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg
 };
 
-/// Cones and contacts that one thread visits in sequence; see dual/coloring.hpp.
+/// Cones and contacts that one thread visits in sequence; see dual/colouring.hpp.
 struct Block {
   std::size_t cone_begin = 0, cone_end = 0;
   std::size_t contact_begin = 0, contact_end = 0;
@@ -78,12 +74,12 @@ struct DualProblem {
   Array<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
 
   // One entry a cone, in the order of the blocks.
-  Array<int> node;               ///< node number
-  Array<Coupling<Dim>> coupling; ///< g_ij, m^(d-1)
-  Array<double> void_rate;       ///< normal component of k_i, m^d/s; < 0: overpacked
-  Array<double> friction;        ///< μ̃_i = sqrt(2/d) μ_i
-  Array<double> volume;          ///< v_i, m^d
-  Array<Vec<cone_size>> stress;  ///< λ_i, Pa s; the unknown
+  Array<int> node;                              ///< node number
+  Array<GradientWeights<Dim>> gradient_weights; ///< g_ij, m^(d-1)
+  Array<double> free_volume_rate;               ///< normal component of k_i, m^d/s; < 0: overpacked
+  Array<double> opening;                        ///< μ̃_i = sqrt(2/d) μ_i
+  Array<double> node_volume;                    ///< v_i, m^d
+  Array<Vec<cone_size>> stress_impulse;         ///< λ_i, Pa s; the unknown
 
   Array<Contact<Dim>> contacts; ///< sorted by block
 

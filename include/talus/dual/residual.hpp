@@ -53,12 +53,13 @@ class ResidualMeter {
               partial.least += speed2 / inverse_mass;
             if (!(inverse_scales[i] > 0))
               continue; // nothing around it moves
-            Vec<n> gamma = strain_rate(problem, stencil, i);
-            gamma[0] += problem.void_rate[i];
+            Vec<n> gamma = integrated_strain_rate(problem, stencil, i);
+            gamma[0] += problem.free_volume_rate[i];
             gamma *= inverse_scales[i];
-            partial.add(law_residual(CoulombLaw{}, gamma, problem.stress[i], problem.friction[i])
-                            .squaredNorm(),
-                        problem.stress[i].squaredNorm(), 1 / inverse_scales[i]);
+            partial.add(
+                law_residual(CoulombLaw{}, gamma, problem.stress_impulse[i], problem.opening[i])
+                    .squaredNorm(),
+                problem.stress_impulse[i].squaredNorm(), 1 / inverse_scales[i]);
           }
           return partial;
         },

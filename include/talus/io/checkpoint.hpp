@@ -118,13 +118,13 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     const auto sketch = detail::sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time,
                                                 sim.params().time_step);
     out.line("obstacle." + std::to_string(o), sketch.held, sketch.friction.sum, sketch.normal.sum,
-             sketch.velocity.sum, sketch.open_share.sum);
+             sketch.velocity.sum, sketch.open_fraction.sum);
   }
   for (std::size_t b = 0; b < sim.params().bodies.size(); ++b)
     out.line("bodies." + std::to_string(b) + ".shape",
              detail::sketch_shape(sim.params().bodies[b].shape, sim.grid().size().norm()).sum);
   out.line("next_id", state.particles.next_id);
-  out.line("counts", state.particles.size(), state.node_stress.size(), state.contacts.size(),
+  out.line("counts", state.particles.size(), state.stress_impulse.size(), state.contacts.size(),
            state.body_contacts.size(), notes.size());
   out.text(notes);
   out.raw(state.gravity);
@@ -140,11 +140,11 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     if (out.bytes().size() > (std::size_t{1} << 20U))
       flush();
   }
-  for (const auto& stress : state.node_stress)
+  for (const auto& stress : state.stress_impulse)
     out.raw(stress);
   for (const Contact<dim>& contact : state.contacts) {
     out.raw(contact.node);
-    out.raw(contact.source);
+    out.raw(contact.boundary_id);
     out.raw(contact.impulse);
   }
   for (const RigidState<dim>& body : state.bodies) {
@@ -155,7 +155,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
   }
   for (const BodyContact<dim>& contact : state.body_contacts) {
     out.raw(contact.node);
-    out.raw(contact.source);
+    out.raw(contact.boundary_id);
     out.raw(contact.body);
     out.raw(contact.impulse);
   }
@@ -204,16 +204,16 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   for (std::size_t o = 0; o < sim.params().obstacles.size(); ++o) {
     const std::string name = "obstacle." + std::to_string(o);
     std::size_t held = 0;
-    double friction = 0, normal = 0, velocity = 0, open_share = 0;
-    in.line(name, held, friction, normal, velocity, open_share);
+    double friction = 0, normal = 0, velocity = 0, open_fraction = 0;
+    in.line(name, held, friction, normal, velocity, open_fraction);
     const auto ours = detail::sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time,
                                               sim.params().time_step);
-    const char* differs = held != ours.held                   ? "shape or motion"
-                          : !ours.friction.same(friction)     ? "friction"
-                          : !ours.normal.same(normal)         ? "normals"
-                          : !ours.velocity.same(velocity)     ? "velocities"
-                          : !ours.open_share.same(open_share) ? "open share"
-                                                              : nullptr;
+    const char* differs = held != ours.held                         ? "shape or motion"
+                          : !ours.friction.same(friction)           ? "friction"
+                          : !ours.normal.same(normal)               ? "normals"
+                          : !ours.velocity.same(velocity)           ? "velocities"
+                          : !ours.open_fraction.same(open_fraction) ? "open fraction"
+                                                                    : nullptr;
     if (differs)
       in.fail("its " + name + " is another than this simulation's: the " + differs + " differ");
   }
@@ -247,14 +247,14 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   }
   state.particles.next_id = next_id;
   in.need(nodes, sizeof(double) * symmetric_size<dim>);
-  state.node_stress.resize(nodes);
-  for (auto& stress : state.node_stress)
+  state.stress_impulse.resize(nodes);
+  for (auto& stress : state.stress_impulse)
     in.raw(stress);
   in.need(contacts, 2 * sizeof(int));
   state.contacts.resize(contacts);
   for (Contact<dim>& contact : state.contacts) {
     in.raw(contact.node);
-    in.raw(contact.source);
+    in.raw(contact.boundary_id);
     in.raw(contact.impulse);
   }
   state.bodies.resize(sim.bodies().size());
@@ -268,7 +268,7 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   state.body_contacts.resize(body_contacts);
   for (BodyContact<dim>& contact : state.body_contacts) {
     in.raw(contact.node);
-    in.raw(contact.source);
+    in.raw(contact.boundary_id);
     in.raw(contact.body);
     in.raw(contact.impulse);
   }

@@ -11,7 +11,6 @@
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
 
-#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <string>
@@ -29,8 +28,7 @@ namespace talus {
 ///           that can move
 ///   f.mtx   unknowns × 1: velocity without any stress or impulse, m/s
 ///   k.mtx   rows × 1: room to compact (cones), minus the wall's velocity (contacts), and what
-///   nodes
-///           that cannot move add
+///           nodes that cannot move add
 ///   mu.mtx  (cones + contacts) × 1: opening of each cone
 ///   lambda.mtx rows × 1: the stresses and impulses in the problem, a start
 /// W = H M⁻¹ Eᵀ. Throws std::runtime_error if a file cannot be written,
@@ -44,7 +42,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
   remove_impulses(problem, Stencil<Dim>(problem.grid));
 
   // Numbers the unknowns: components of velocities that can change.
-  Array<std::array<std::size_t, static_cast<std::size_t>(Dim)>> unknown(problem.velocity.size());
+  Array<SmallArray<std::size_t, Dim>> unknown(problem.velocity.size());
   Array<double> mass, free;
   for (std::size_t j = 0; j < problem.velocity.size(); ++j)
     for (int a = 0; a < Dim; ++a)
@@ -62,8 +60,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
   Array<Triplet> entries;
   Array<double> k, mu, lambda;
   std::size_t row = 1;
-  const auto add = [&](std::size_t at, std::size_t j, int a, double value, double momentum,
-                       double& fixed) {
+  const auto add = [&](std::size_t at, int j, int a, double value, double momentum, double& fixed) {
     const std::size_t column = unknown[j][a];
     if (column > 0 && value != 0)
       entries.push_back({at, column, value, momentum});
@@ -71,13 +68,13 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
       fixed += value * problem.velocity[j][a];
   };
   for (std::size_t i = 0; i < problem.cones(); ++i) {
-    std::array<double, static_cast<std::size_t>(s)> fixed{};
-    fixed[0] = problem.void_rate[i];
+    SmallArray<double, s> fixed{};
+    fixed[0] = problem.free_volume_rate[i];
     for (int n = 0; n < Grid<Dim>::neighbours; ++n) {
-      const std::size_t j =
-          static_cast<std::size_t>(problem.node[i] + problem.grid.neighbour_offset(n));
+      const int j = problem.node[i] + problem.grid.neighbour_offset(n);
       for (int a = 0; a < Dim; ++a) {
-        const Mat<Dim> gradient = Vec<Dim>::Unit(a) * problem.coupling[i].col(n).transpose();
+        const Mat<Dim> gradient =
+            Vec<Dim>::Unit(a) * problem.gradient_weights[i].col(n).transpose();
         const Vec<s> rate = symmetric_to_vector<Dim, double>(gradient);
         for (int r = 0; r < s; ++r)
           add(row + static_cast<std::size_t>(r), j, a, rate[r], 2 * rate[r], fixed[r]);
@@ -85,9 +82,9 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     }
     for (int r = 0; r < s; ++r) {
       k.push_back(fixed[r]);
-      lambda.push_back(original.stress[i][r]);
+      lambda.push_back(original.stress_impulse[i][r]);
     }
-    mu.push_back(problem.friction[i]);
+    mu.push_back(problem.opening[i]);
     row += s;
   }
   for (std::size_t c = 0; c < problem.contacts.size(); ++c) {
@@ -106,7 +103,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     for (int r = 0; r < Dim; ++r) {
       double fixed = -contact.wall_velocity.dot(frame.col(r));
       for (int a = 0; a < Dim; ++a)
-        add(row, static_cast<std::size_t>(contact.node), a, frame(a, r), frame(a, r), fixed);
+        add(row, contact.node, a, frame(a, r), frame(a, r), fixed);
       k.push_back(fixed);
       lambda.push_back(original.contacts[c].impulse.dot(frame.col(r)));
       ++row;

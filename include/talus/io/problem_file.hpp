@@ -5,7 +5,7 @@
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
-#include "talus/dual/coloring.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/io/atomic_file.hpp"
@@ -32,7 +32,7 @@ template <int Dim>
 Contact<Dim> read_contact(ByteReader& reader) {
   Contact<Dim> contact;
   reader.raw(contact.node);
-  reader.raw(contact.source);
+  reader.raw(contact.boundary_id);
   reader.raw(contact.normal);
   reader.raw(contact.wall_velocity);
   reader.raw(contact.friction);
@@ -87,15 +87,15 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
   }
   for (std::size_t i = 0; i < problem.cones(); ++i) {
     out.raw(static_cast<std::int32_t>(problem.node[i]));
-    out.raw(problem.coupling[i]);
-    out.raw(problem.void_rate[i]);
-    out.raw(problem.friction[i]);
-    out.raw(problem.volume[i]);
-    out.raw(problem.stress[i]);
+    out.raw(problem.gradient_weights[i]);
+    out.raw(problem.free_volume_rate[i]);
+    out.raw(problem.opening[i]);
+    out.raw(problem.node_volume[i]);
+    out.raw(problem.stress_impulse[i]);
   }
   for (const Contact<Dim>& contact : problem.contacts) {
     out.raw(static_cast<std::int32_t>(contact.node));
-    out.raw(static_cast<std::int32_t>(contact.source));
+    out.raw(static_cast<std::int32_t>(contact.boundary_id));
     out.raw(contact.normal);
     out.raw(contact.wall_velocity);
     out.raw(contact.friction);
@@ -168,7 +168,7 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   if (!(problem.velocity_scale >= 0 && std::isfinite(problem.velocity_scale)))
     in.fail("its velocity_scale is not a finite number >= 0");
   in.need(points, sizeof(std::int32_t) + 2 * sizeof(Vec<Dim>));
-  in.need(cones, sizeof(std::int32_t) + sizeof(Coupling<Dim>));
+  in.need(cones, sizeof(std::int32_t) + sizeof(GradientWeights<Dim>));
   in.need(contacts, 2 * sizeof(std::int32_t));
 
   const auto& grid = problem.grid;
@@ -201,28 +201,29 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   problem.periodic.copy(problem.velocity, Execution());
   problem.periodic.copy(problem.inverse_mass, Execution());
   problem.node.resize(cones);
-  problem.coupling.resize(cones);
-  problem.void_rate.resize(cones);
-  problem.friction.resize(cones);
-  problem.volume.resize(cones);
-  problem.stress.resize(cones);
+  problem.gradient_weights.resize(cones);
+  problem.free_volume_rate.resize(cones);
+  problem.opening.resize(cones);
+  problem.node_volume.resize(cones);
+  problem.stress_impulse.resize(cones);
   for (std::size_t i = 0; i < cones; ++i) {
     problem.node[i] = take_node();
-    in.raw(problem.coupling[i]);
-    in.raw(problem.void_rate[i]);
-    in.raw(problem.friction[i]);
-    in.raw(problem.volume[i]);
-    in.raw(problem.stress[i]);
-    if (!(problem.friction[i] >= 0 && problem.volume[i] > 0))
+    in.raw(problem.gradient_weights[i]);
+    in.raw(problem.free_volume_rate[i]);
+    in.raw(problem.opening[i]);
+    in.raw(problem.node_volume[i]);
+    in.raw(problem.stress_impulse[i]);
+    if (!(problem.opening[i] >= 0 && problem.node_volume[i] > 0))
       in.fail("cone " + std::to_string(i) + " has a negative friction or volume");
   }
   const Array<int> as_read = problem.node;
   std::vector<bool> carries(static_cast<std::size_t>(grid.node_count()));
   for (const int node : as_read)
-    carries[node] = true;
+    carries[static_cast<std::size_t>(node)] = true;
   Array<std::size_t> counts;
   collect_cones(
-      BlockOrder<Dim>(grid), [&](int node) { return carries[node]; }, Execution(), counts, problem);
+      BlockOrder<Dim>(grid), [&](int node) { return carries[static_cast<std::size_t>(node)]; },
+      Execution(), counts, problem);
   if (problem.node != as_read)
     in.fail("its cones are not in the order of the blocks");
   std::size_t taken = 0;

@@ -48,7 +48,7 @@ class SketchRandom {
 /// An obstacle at random nodes, at times up to `now` and at some after it.
 struct ObstacleSketch {
   std::size_t held = 0; ///< samples where it holds a node
-  WeightedSum friction, normal, velocity, open_share;
+  WeightedSum friction, normal, velocity, open_fraction;
 };
 
 /// time: now, s; time_step: s.
@@ -73,14 +73,14 @@ ObstacleSketch sketch_obstacle(const Obstacle<Dim>& obstacle, const Grid<Dim>& g
       double open = 1;
       try { // a motion may have an end
         contact = obstacle.contact(x, grid.spacing(), when);
-        open = obstacle.open_share(x, grid.spacing(), when);
+        open = obstacle.open_fraction(x, grid.spacing(), when);
         check_open_share<Dim>(0, x, open);
         if (contact)
           check_contact<Dim>(0, x, *contact);
       } catch (...) {
         continue;
       }
-      sketch.open_share.add(weight[0] * (1 - open));
+      sketch.open_fraction.add(weight[0] * (1 - open));
       if (!contact)
         continue;
       ++sketch.held;

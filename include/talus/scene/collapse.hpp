@@ -103,11 +103,12 @@ struct CollapseSetup {
     const Face wall{FaceKind::frictional, wall_friction};
     Faces<Dim> faces;
     for (std::size_t a = 0; a < up; ++a)
-      faces.lower[a] = faces.upper[a] = a == 1 && side_wall_cells > 0 ? Face{FaceKind::slip} : wall;
+      faces.lower[a] = faces.upper[a] =
+          a == 1 && side_wall_cells > 0 ? Face{FaceKind::free_slip} : wall;
     if (downstream_sticks)
-      faces.upper[0] = {FaceKind::stick};
-    faces.lower[up] = {FaceKind::stick};
-    faces.upper[up] = {FaceKind::free};
+      faces.upper[0] = {FaceKind::no_slip};
+    faces.lower[up] = {FaceKind::no_slip};
+    faces.upper[up] = {FaceKind::open};
     return faces;
   }
 

@@ -59,9 +59,9 @@ struct TiltedBoxSetup {
   template <int Dim>
   Faces<Dim> faces() const {
     constexpr std::size_t up = up_axis<Dim>;
-    auto faces = Faces<Dim>::all({FaceKind::slip});
-    faces.lower[up] = {FaceKind::stick};
-    faces.upper[up] = {FaceKind::free};
+    auto faces = Faces<Dim>::all({FaceKind::free_slip});
+    faces.lower[up] = {FaceKind::no_slip};
+    faces.upper[up] = {FaceKind::open};
     return faces;
   }
 

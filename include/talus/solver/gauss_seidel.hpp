@@ -8,7 +8,7 @@
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/dual/body_contact.hpp"
-#include "talus/dual/coloring.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -27,7 +27,8 @@ namespace talus {
 /// Block Gauss–Seidel, matrix-free: visits the cones in turn, solves each local problem with the
 /// others frozen and puts the change of its stress into the velocities at once; between two sweeps
 /// it extrapolates,
-/// \f[ y_k = x_k + β_k (x_k − x_{k−1}), \quad β_k = \min(\text{momentum}, (t_k − 1)/t_{k+1}), \quad
+/// \f[ y_k = x_k + β_k (x_k − x_{k−1}), \quad β_k = \min(\text{extrapolation}, (t_k − 1)/t_{k+1}),
+/// \quad
 ///     t_{k+1} = \bigl( 1 + \sqrt{1 + 4 t_k^2} \bigr) / 2, \f]
 /// x: the stresses, impulses and velocities after sweep k (t: Nesterov's sequence), which saves 3
 /// to 10 times the sweeps. It starts over with β = 0 when a sweep changed much more than the one
@@ -38,7 +39,8 @@ namespace talus {
 /// and the other models of LocalSolver go all the way. Law says to which local problem:
 ///   - AssociatedLaw (default): the de Saxcé term s_i = μ̃ |γ_T| is taken from the latest velocities
 ///     and frozen during the local solve, which then is convex.
-///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (with momentum 0), for
+///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (with extrapoltum 0),
+///   for
 ///     comparison.
 /// Both have the same solutions.
 template <class Local = ProjectionStep, class Law = AssociatedLaw>
@@ -47,8 +49,8 @@ class GaussSeidel {
   struct Params {
     double tolerance = 5e-5; ///< for the l2 residual of dual/residual.hpp
     int max_sweeps = 2000;
-    int check_every = 20;  ///< most sweeps between two measurements of the residual
-    double momentum = 0.9; ///< largest β, in [0, 1]; 0 is plain Gauss–Seidel
+    int check_every = 20;       ///< most sweeps between two measurements of the residual
+    double extrapolation = 0.9; ///< largest β, in [0, 1]; 0 is plain Gauss–Seidel
     typename Local::Params local{};
   };
 
@@ -78,8 +80,8 @@ class GaussSeidel {
       throw_invalid("solver.max_sweeps", params_.max_sweeps, "an integer >= 1");
     if (params_.check_every < 1)
       throw_invalid("solver.check_every", params_.check_every, "an integer >= 1");
-    if (!(params_.momentum >= 0 && params_.momentum <= 1))
-      throw_invalid("solver.momentum", params_.momentum, "a number in [0, 1]");
+    if (!(params_.extrapolation >= 0 && params_.extrapolation <= 1))
+      throw_invalid("solver.extrapolation", params_.extrapolation, "a number in [0, 1]");
   }
 
   const Params& params() const { return params_; }
@@ -98,7 +100,7 @@ class GaussSeidel {
     });
     if (report.iterations > 0)
       for (const std::size_t misses : workspace.misses)
-        report.local_misses += misses;
+        report.local_failures += misses;
     report.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return report;
@@ -106,9 +108,9 @@ class GaussSeidel {
 
  private:
   /// Chooses β from the change that each sweep made, sqrt(Σ w_i |Δλ_i|²).
-  class Momentum {
+  class Extrapolation {
    public:
-    explicit Momentum(double largest) : largest_(largest) {}
+    explicit Extrapolation(double largest) : largest_(largest) {}
 
     double next(double change) {
       if (change > 1.25 * last_change_) // gone too far: start over
@@ -154,7 +156,7 @@ class GaussSeidel {
                              const Mat<n> w = diagonal_block(problem, stencil, i);
                              const double trace = w.trace();
                              workspace.inverse_scale[i] = trace > 0 ? n / trace : 0;
-                             workspace.prepared[i] = local_.prepare(Law{}, w, problem.friction[i]);
+                             workspace.prepared[i] = local_.prepare(Law{}, w, problem.opening[i]);
                              if constexpr (LocalSolver<Local, Law, n>)
                                workspace.diagonal[i] = w;
                            }
@@ -179,7 +181,7 @@ class GaussSeidel {
     };
     // The residual goes roughly with the change of a sweep, so it is measured when that promises
     // convergence, and every so often to be sure.
-    Momentum momentum(params_.momentum);
+    Extrapolation extrapolation(params_.extrapolation);
     double enough = 0;
     bool unsolved = measure();
     for (int since = 1; unsolved; ++since) {
@@ -197,8 +199,8 @@ class GaussSeidel {
       }
       if (last)
         break;
-      if (unsolved && params_.momentum > 0)
-        extrapolate(problem, workspace, team, momentum.next(change));
+      if (unsolved && params_.extrapolation > 0)
+        extrapolate(problem, workspace, team, extrapolation.next(change));
       else
         team.wait(); // the next sweep writes what has just been summed
     }
@@ -240,15 +242,15 @@ class GaussSeidel {
   double update_cone(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
                      Workspace<Dim>& workspace, std::size_t i, std::size_t& misses) const {
     constexpr int n = symmetric_size<Dim>;
-    Vec<n> gamma = strain_rate(problem, stencil, i);
-    gamma[0] += problem.void_rate[i];
+    Vec<n> gamma = integrated_strain_rate(problem, stencil, i);
+    gamma[0] += problem.free_volume_rate[i];
     if constexpr (std::is_same_v<Law, AssociatedLaw>) {
       double slip2 = 0;
       for (int k = 1; k < n; ++k)
         slip2 += gamma[k] * gamma[k];
-      gamma[0] += problem.friction[i] * std::sqrt(slip2);
+      gamma[0] += problem.opening[i] * std::sqrt(slip2);
     }
-    const Vec<n> old = problem.stress[i];
+    const Vec<n> old = problem.stress_impulse[i];
     Vec<n> lambda = old;
     if constexpr (LocalSolver<Local, Law, n>) {
       const Vec<n> b = gamma - workspace.diagonal[i] * old;
@@ -265,8 +267,8 @@ class GaussSeidel {
     }
     if (change2 == 0)
       return 0;
-    problem.stress[i] = lambda;
-    apply_stress(problem, stencil, i, change);
+    problem.stress_impulse[i] = lambda;
+    scatter_stress(problem, stencil, i, change);
     const double inverse_scale = workspace.inverse_scale[i];
     return inverse_scale > 0 ? change2 / inverse_scale : 0;
   }
@@ -299,7 +301,7 @@ class GaussSeidel {
                     [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                       for (std::size_t i = static_cast<std::size_t>(begin);
                            i < static_cast<std::size_t>(end); ++i) {
-                        move(problem.stress[i], workspace.last_stress[i]);
+                        move(problem.stress_impulse[i], workspace.last_stress[i]);
                         // nothing else moves
                         move(problem.velocity[problem.node[i]], workspace.last_velocity[i]);
                       }

@@ -33,7 +33,7 @@ struct [[nodiscard]] SolveReport {
   SolveStatus status = SolveStatus::converged;
   int iterations = 0;
   Residual residual;
-  std::size_t local_misses = 0; ///< local solves of the last iteration that did not converge
+  std::size_t local_failures = 0; ///< local solves of the last iteration that did not converge
   double seconds = 0;
 };
 
@@ -42,7 +42,8 @@ struct [[nodiscard]] SolveReport {
 ///   - `S::Workspace<Dim>`, default constructible, kept between steps so that a warm solve
 ///   allocates
 ///     nothing;
-///   - `s.solve(problem, workspace, execution)` → SolveReport: improves `problem.stress` and the
+///   - `s.solve(problem, workspace, execution)` → SolveReport: improves `problem.stress_impulse`
+///   and the
 ///     contacts' impulses from the values they have, keeping `problem.velocity` consistent, until
 ///     the residual of dual/residual.hpp meets the solver's tolerance. The result does not depend
 ///     on the number of threads.

@@ -2,11 +2,11 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
-#include "talus/rheology/viscosity.hpp"
 #include "talus/solver/solver.hpp"
 
 #include <algorithm>
@@ -19,7 +19,21 @@ namespace talus {
 struct [[nodiscard]] ViscousReport {
   SolveStatus status = SolveStatus::converged;
   int iterations = 0;
-  double residual = 0; ///< as Viscosity::tolerance measures it
+  double residual = 0; ///< as ViscousParams::tolerance measures it
+};
+
+/// How exactly a step takes the viscous stress.
+struct ViscousParams {
+  /// Of the velocities: root mean square error over the step's velocity scale, see ViscousSolver.
+  double tolerance = 1e-6;
+  int max_iterations = 1000;
+
+  /// Throws std::invalid_argument if a parameter is out of range.
+  void validate() const {
+    require_positive("viscous.tolerance", tolerance);
+    if (max_iterations < 1)
+      throw_invalid("viscous.max_iterations", max_iterations, "an integer >= 1");
+  }
 };
 
 /// Takes the viscous stress 2 η D implicitly: from the velocities u of a problem, all other
@@ -38,19 +52,19 @@ struct [[nodiscard]] ViscousReport {
 template <int Dim>
 class ViscousSolver {
  public:
-  /// material_volume: V_i, #nodes, m^d; time_step: δt, s.
-  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& material_volume,
-                      const Viscosity& viscosity, double time_step, const Execution& execution) {
+  /// material_volume: V_i, #nodes, m^d; eta: η, Pa s; time_step: δt, s.
+  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& material_volume, double eta,
+                      const ViscousParams& params, double time_step, const Execution& execution) {
     ViscousReport report;
-    if (viscosity.eta == 0)
+    if (eta == 0)
       return report;
-    const double factor = 2 * viscosity.eta * time_step;
+    const double factor = 2 * eta * time_step;
     start(problem, material_volume, factor, execution);
-    Array<Wide>& u = problem.velocity;
+    Array<Padded>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
     multiply(problem, material_volume, factor, u, execution);
-    Sums sums = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
+    Sums sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
       residual_[j] = -free(product_[j], inverse_mass);
       direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
       return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
@@ -62,34 +76,33 @@ class ViscousSolver {
       report.residual = sums.left_out > 0 ? std::sqrt(sums.left_out / scale2) : sums.left_out;
       if (!std::isfinite(report.residual))
         report.status = SolveStatus::not_finite;
-      else if (report.residual <= viscosity.tolerance)
+      else if (report.residual <= params.tolerance)
         report.status = SolveStatus::converged;
       else
         report.status = SolveStatus::not_converged;
-      if (report.status != SolveStatus::not_converged ||
-          report.iterations == viscosity.max_iterations)
+      if (report.status != SolveStatus::not_converged || report.iterations == params.max_iterations)
         break;
       multiply(problem, material_volume, factor, direction_, execution);
-      const double energy = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
+      const double energy = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
                               product_[j] = free(product_[j], inverse_mass) +
                                             direction_[j].cwiseProduct(mass(inverse_mass));
                               return Sums{direction_[j].dot(product_[j]), 0, 0};
                             }).product;
       const double step = sums.product / energy, last = sums.product;
-      sums = sum(problem, execution, [&](std::size_t j, const Wide& inverse_mass) {
+      sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
         u[j] += step * direction_[j];
         residual_[j] -= step * product_[j];
-        const Wide z = residual_[j].cwiseProduct(inverse_diagonal_[j]);
+        const Padded z = residual_[j].cwiseProduct(inverse_diagonal_[j]);
         return Sums{residual_[j].dot(z), squared_velocity(residual_[j], inverse_mass), 0};
       });
       const double keep = sums.product / last;
-      for_each(problem, execution, [&](std::size_t j) {
+      for_each(problem, execution, [&](int j) {
         direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
       });
     }
     multiply(problem, material_volume, factor, u, execution);
     for_each(problem, execution,
-             [&](std::size_t j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
+             [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     problem.periodic.copy(u, execution);
     return report;
   }
@@ -103,7 +116,7 @@ class ViscousSolver {
   }
 
  private:
-  using Wide = NodeVec<Dim>;
+  using Padded = NodeVec<Dim>;
 
   struct Sums {
     double product = 0;  ///< r · z, or p · A p
@@ -112,13 +125,13 @@ class ViscousSolver {
   };
 
   /// Only the components that may change.
-  static Wide free(const Wide& value, const Wide& inverse_mass) {
-    return (inverse_mass.array() > 0).select(value, Wide::Zero());
+  static Padded free(const Padded& value, const Padded& inverse_mass) {
+    return (inverse_mass.array() > 0).select(value, Padded::Zero());
   }
-  static Wide mass(const Wide& inverse_mass) {
-    return (inverse_mass.array() > 0).select(inverse_mass.cwiseInverse(), Wide::Zero());
+  static Padded mass(const Padded& inverse_mass) {
+    return (inverse_mass.array() > 0).select(inverse_mass.cwiseInverse(), Padded::Zero());
   }
-  static double squared_velocity(const Wide& r, const Wide& inverse_mass) {
+  static double squared_velocity(const Padded& r, const Padded& inverse_mass) {
     return r.cwiseAbs2().dot(inverse_mass);
   }
 
@@ -128,7 +141,7 @@ class ViscousSolver {
     execution.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()),
                          [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
                            for (std::ptrdiff_t i = begin; i < end; ++i)
-                             body(static_cast<std::size_t>(problem.node[i]));
+                             body(problem.node[i]);
                          });
   }
 
@@ -140,7 +153,7 @@ class ViscousSolver {
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
           Sums total;
           for (std::ptrdiff_t i = begin; i < end; ++i) {
-            const std::size_t j = static_cast<std::size_t>(problem.node[i]);
+            const int j = problem.node[i];
             total = join(total, term(j, problem.inverse_mass[j]));
           }
           return total;
@@ -158,22 +171,22 @@ class ViscousSolver {
     stencil_ = Stencil<Dim>(problem.grid);
     product_.resize(nodes);
     residual_.resize(nodes);
-    direction_.assign(nodes, Wide::Zero());
-    inverse_diagonal_.assign(nodes, Wide::Zero());
+    direction_.assign(nodes, Padded::Zero());
+    inverse_diagonal_.assign(nodes, Padded::Zero());
     for_each_cone(problem, execution, [&](std::size_t i) {
       const int node = problem.node[i];
       const double weight = factor / material_volume[node];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k) {
           // e_a · sym(e_a ⊗ g) g = (|g|² + g_a²)/2
-          const Vec<Dim> g = problem.coupling[i].col(3 * r + k);
+          const Vec<Dim> g = problem.gradient_weights[i].col(3 * r + k);
           inverse_diagonal_[node + stencil_.row(r) + k].template head<Dim>().array() +=
               weight / 2 * (g.squaredNorm() + g.array().square());
         }
     });
     problem.periodic.fold(inverse_diagonal_);
-    for_each(problem, execution, [&](std::size_t j) {
-      const Wide& inverse_mass = problem.inverse_mass[j];
+    for_each(problem, execution, [&](int j) {
+      const Padded& inverse_mass = problem.inverse_mass[j];
       inverse_diagonal_[j] =
           free((inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse(), inverse_mass);
     });
@@ -181,18 +194,18 @@ class ViscousSolver {
 
   /// product_ = δt K v.
   void multiply(const DualProblem<Dim>& problem, const Array<double>& material_volume,
-                double factor, Array<Wide>& v, const Execution& execution) {
+                double factor, Array<Padded>& v, const Execution& execution) {
     problem.periodic.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-      std::fill(product_.begin() + begin, product_.begin() + end, Wide::Zero());
+      std::fill(product_.begin() + begin, product_.begin() + end, Padded::Zero());
     });
     for_each_cone(problem, execution, [&](std::size_t i) {
-      const std::size_t node = static_cast<std::size_t>(problem.node[i]);
-      const Coupling<Dim>& g = problem.coupling[i];
+      const int node = problem.node[i];
+      const GradientWeights<Dim>& g = problem.gradient_weights[i];
       const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);
       const Mat<Dim> square = gradient.template topRows<Dim>();
       const Mat<Dim> stress = factor / (2 * material_volume[node]) * (square + square.transpose());
-      Wide* force = product_.data() + node;
+      Padded* force = product_.data() + node;
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k)
           force[stencil_.row(r) + k].template head<Dim>() += stress * g.col(3 * r + k);
@@ -201,7 +214,7 @@ class ViscousSolver {
   }
 
   Stencil<Dim> stencil_;
-  Array<Wide> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
+  Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
   Array<Sums> partials_;
 };
 

@@ -28,7 +28,7 @@ namespace talus {
 struct ContactPlace {
   int body = 0;         ///< 0 for contacts of no free body
   std::size_t node = 0; ///< rank of the node; corners of bodies come after all nodes
-  int source = 0;
+  int boundary_id = 0;
 
   friend auto operator<=>(const ContactPlace&, const ContactPlace&) = default;
 };
@@ -42,7 +42,7 @@ class LastImpulses {
 
   /// place_of(contact): its ContactPlace. Must be called in the order of places.
   template <class PlaceOf>
-  void give(AnyContact& contact, const PlaceOf& place_of) {
+  void warm_start(AnyContact& contact, const PlaceOf& place_of) {
     const ContactPlace place = place_of(contact);
     while (next_ < last_.size() && place_of(last_[next_]) < place)
       ++next_;
@@ -66,8 +66,8 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
   const Grid<Dim>& grid = bounds.grid;
   problem.contacts.clear();
   const auto add = [&](Contact<Dim> contact) {
-    impulses.give(contact, [&](const Contact<Dim>& c) {
-      return ContactPlace{0, node_rank[c.node], c.source};
+    impulses.warm_start(contact, [&](const Contact<Dim>& c) {
+      return ContactPlace{0, node_rank[c.node], c.boundary_id};
     });
     problem.contacts.push_back(contact);
   };
@@ -82,7 +82,7 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
           return;
         Contact<Dim> contact;
         contact.node = node;
-        contact.source = bounds.face_source(axis, upper);
+        contact.boundary_id = bounds.face_id(axis, upper);
         contact.normal[axis] = upper ? -1 : 1;
         contact.friction = face.friction;
         add(contact);
@@ -97,7 +97,7 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
         check_contact(o, x, *held);
         Contact<Dim> contact;
         contact.node = node;
-        contact.source = bounds.obstacle_source(o);
+        contact.boundary_id = bounds.obstacle_id(o);
         contact.normal = held->normal;
         contact.wall_velocity = held->velocity;
         contact.friction = held->friction;
@@ -117,10 +117,10 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
   const Grid<Dim>& grid = bounds.grid;
   problem.body_contacts.clear();
   const auto add = [&](BodyContact<Dim>& contact) {
-    impulses.give(contact, [&](const BodyContact<Dim>& c) {
+    impulses.warm_start(contact, [&](const BodyContact<Dim>& c) {
       const std::size_t place =
           c.node < 0 ? node_rank.size() + static_cast<std::size_t>(-1 - c.node) : node_rank[c.node];
-      return ContactPlace{c.body, place, c.source};
+      return ContactPlace{c.body, place, c.boundary_id};
     });
     contact.inverse_mass = contact_inverse_mass(problem, contact);
     problem.body_contacts.push_back(contact);
@@ -132,7 +132,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
     const RigidState<Dim>& state = bounds.body_states[b];
     BodyContact<Dim> contact;
     contact.body = static_cast<int>(b);
-    contact.source = bounds.body_source(b);
+    contact.boundary_id = bounds.body_id(b);
     contact.friction = body.friction;
     for (; next != held.end() && next->first == b; ++next) {
       const int node = problem.node[next->second];
@@ -158,14 +158,14 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
           const Face& face = upper ? bounds.faces.upper[axis] : bounds.faces.lower[axis];
           BodyContact<Dim> touch;
           touch.node = -1 - static_cast<int>(c);
-          touch.source = bounds.face_source(axis, upper);
+          touch.boundary_id = bounds.face_id(axis, upper);
           touch.body = static_cast<int>(b);
           touch.normal[axis] = upper ? 1 : -1;
           touch.arm = plus_scaled<Dim>(product<Dim>(state.rotation, body.corners[c]),
                                        body.corner_radius, touch.normal);
           touch.wall_velocity =
               scaled<Dim>(-gap / time_step, touch.normal); // it may come as near as that
-          touch.friction = face.kind == FaceKind::stick        ? body.friction
+          touch.friction = face.kind == FaceKind::no_slip      ? body.friction
                            : face.kind == FaceKind::frictional ? face.friction
                                                                : 0;
           add(touch);

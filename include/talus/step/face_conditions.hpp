@@ -27,10 +27,10 @@ void hold_at_faces(const Faces<Dim>& faces, const Array<int>& nodes, const Execu
     const int node = nodes[k];
     for_each_face(problem.grid, faces, problem.grid.node_index(node),
                   [&](int axis, bool, const Face& face) {
-                    if (face.kind == FaceKind::stick) {
+                    if (face.kind == FaceKind::no_slip) {
                       problem.velocity[node].setZero();
                       problem.inverse_mass[node].setZero();
-                    } else if (face.kind == FaceKind::slip) {
+                    } else if (face.kind == FaceKind::free_slip) {
                       problem.velocity[node][axis] = 0;
                       problem.inverse_mass[node][axis] = 0;
                     }
@@ -44,9 +44,9 @@ template <int Dim>
 std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Grid<Dim>& grid) {
   Vec<Dim> lower = grid.origin(), upper = grid.upper();
   for (int a = 0; a < Dim; ++a) {
-    if (faces.lower[a].kind == FaceKind::free || grid.periodic(a))
+    if (faces.lower[a].kind == FaceKind::open || grid.periodic(a))
       lower[a] = -std::numeric_limits<double>::infinity();
-    if (faces.upper[a].kind == FaceKind::free || grid.periodic(a))
+    if (faces.upper[a].kind == FaceKind::open || grid.periodic(a))
       upper[a] = std::numeric_limits<double>::infinity();
   }
   return {lower, upper};
@@ -65,7 +65,7 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid,
   Outflow outflow;
   bool open = false;
   for (int a = 0; a < Dim; ++a)
-    open = open || faces.lower[a].kind == FaceKind::free || faces.upper[a].kind == FaceKind::free;
+    open = open || faces.lower[a].kind == FaceKind::open || faces.upper[a].kind == FaceKind::open;
   if (!open)
     return outflow;
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();

@@ -73,9 +73,9 @@ void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const B
   for (std::size_t c = 0; c < body.corners.size(); ++c) {
     const Vec<Dim> x = plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[c]));
     for (int a = 0; a < Dim; ++a) {
-      if (faces.lower[a].kind != FaceKind::free)
+      if (faces.lower[a].kind != FaceKind::open)
         visit(c, a, false, x[a] - body.corner_radius - grid.origin()[a]);
-      if (faces.upper[a].kind != FaceKind::free)
+      if (faces.upper[a].kind != FaceKind::open)
         visit(c, a, true, grid.upper()[a] - body.corner_radius - x[a]);
     }
   }
@@ -88,7 +88,7 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
                       const Array<int>& nodes) {
   body.validate();
   check_rigid_state("a body", body.start);
-  const Placed<Dim> placed{body.shape, body.start};
+  const Posed<Dim> placed{body.shape, body.start};
   double thickness = -2 * placed.distance(body.start.position);
   for (const int node : nodes)
     thickness = std::max(thickness, -2 * placed.distance(grid.node_position(node)));

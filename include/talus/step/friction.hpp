@@ -21,7 +21,7 @@ namespace talus {
 template <Rheology R, int Dim>
 double cone_cohesion(const R& rheology, const DualProblem<Dim>& problem, std::size_t i) {
   if constexpr (Cohesive<R>)
-    return problem.void_rate[i] <= 0 ? rheology.cohesion() : 0;
+    return problem.free_volume_rate[i] <= 0 ? rheology.cohesion() : 0;
   else
     return 0;
 }
@@ -32,16 +32,24 @@ template <Rheology R, int Dim>
 double cone_apex(const R& rheology, const DualProblem<Dim>& problem, double time_step,
                  std::size_t i) {
   const double c = cone_cohesion(rheology, problem, i);
-  return c > 0 ? time_step * c / problem.friction[i] : 0;
+  return c > 0 ? time_step * c / problem.opening[i] : 0;
 }
 
-/// Cohesion: from λ to the λ' = λ + (c/μ) I that the cone law holds for, or back (sign: ±1). The
-/// velocities stay, so the constant tension becomes a part of u_free.
+/// Cohesion: from λ to the λ' = λ + (c/μ) I that the cone law holds for. The velocities stay, so
+/// the constant tension becomes a part of u_free.
 template <Rheology R, int Dim>
-void move_apex(const R& rheology, DualProblem<Dim>& problem, double time_step, double sign) {
+void add_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step) {
   if constexpr (Cohesive<R>)
     for (std::size_t i = 0; i < problem.cones(); ++i)
-      problem.stress[i][0] += sign * cone_apex(rheology, problem, time_step, i);
+      problem.stress_impulse[i][0] += cone_apex(rheology, problem, time_step, i);
+}
+
+/// Back from λ' to λ.
+template <Rheology R, int Dim>
+void remove_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step) {
+  if constexpr (Cohesive<R>)
+    for (std::size_t i = 0; i < problem.cones(); ++i)
+      problem.stress_impulse[i][0] -= cone_apex(rheology, problem, time_step, i);
 }
 
 /// Nodes where the rheology gave no finite μ ≥ 0, or no μ > 0 where there is cohesion.
@@ -49,7 +57,7 @@ template <Rheology R, int Dim>
 std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& problem) {
   std::size_t count = 0;
   for (std::size_t i = 0; i < problem.cones(); ++i) {
-    const double mu = problem.friction[i];
+    const double mu = problem.opening[i];
     const bool some = cone_cohesion(rheology, problem, i) > 0;
     count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0U : 1U;
   }
@@ -62,17 +70,17 @@ template <Rheology R, int Dim>
 double cone_inertial_number(const R& rheology, const DualProblem<Dim>& problem,
                             const Stencil<Dim>& stencil, std::size_t i, double material_volume,
                             double time_step) {
-  const double rate = strain_rate(problem, stencil, i).norm() / material_volume;
-  const double share = std::min(1.0, material_volume / problem.volume[i]); // φ
-  double pressure = share / time_step * mean_from_normal<Dim>(problem.stress[i][0]);
+  const double rate = integrated_strain_rate(problem, stencil, i).norm() / material_volume;
+  const double share = std::min(1.0, material_volume / problem.node_volume[i]); // φ
+  double pressure = share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
   const double cohesion = cone_cohesion(rheology, problem, i);
   if (cohesion > 0) // what presses the grains together
     pressure += cohesion / rheology.friction(0);
   return rheology.inertial_number()(rate, pressure);
 }
 
-/// The iteration between friction and solution: μ_i ← μ_i + share (μ(I_i) − μ_i). The share halves
-/// when the changes do not.
+/// The iteration between friction and solution: μ_i ← μ_i + relaxation (μ(I_i) − μ_i). The
+/// relaxation halves when the changes do not.
 class FrictionIteration {
  public:
   Array<double> next; ///< μ̃ from the rheology, #cones; to be filled before each update
@@ -82,31 +90,31 @@ class FrictionIteration {
   double change(const DualProblem<Dim>& problem) const {
     double change2 = 0, sum2 = 0;
     for (std::size_t i = 0; i < problem.cones(); ++i) {
-      const double pressure = problem.stress[i][0];
-      const double by = (next[i] - problem.friction[i]) * pressure;
-      const double yield = problem.friction[i] * pressure;
+      const double pressure = problem.stress_impulse[i][0];
+      const double by = (next[i] - problem.opening[i]) * pressure;
+      const double yield = problem.opening[i] * pressure;
       change2 += by * by;
       sum2 += yield * yield;
     }
     return sum2 > 0 ? std::sqrt(change2 / sum2) : 0;
   }
 
-  /// Chooses the share. first: of this step; change, last_change: see change().
-  void choose_share(bool first, double change, double last_change) {
+  /// Chooses the relaxation. first: of this step; change, last_change: see change().
+  void choose_relaxation(bool first, double change, double last_change) {
     if (first)
-      share_ = 1;
+      relaxation_ = 1;
     else if (change > last_change / 2) // too slow, or going back and forth
-      share_ /= 2;
+      relaxation_ /= 2;
   }
 
   template <int Dim>
   void update(DualProblem<Dim>& problem) const {
     for (std::size_t i = 0; i < problem.cones(); ++i)
-      problem.friction[i] += share_ * (next[i] - problem.friction[i]);
+      problem.opening[i] += relaxation_ * (next[i] - problem.opening[i]);
   }
 
  private:
-  double share_ = 1;
+  double relaxation_ = 1;
 };
 
 } // namespace talus

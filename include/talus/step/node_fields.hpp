@@ -17,10 +17,10 @@ namespace talus {
 struct NodeFields {
   NodeFields() = default;
   explicit NodeFields(std::size_t nodes)
-      : material_volume(nodes, 0), open_share(nodes, 1), inertial_number(nodes, 0) {}
+      : material_volume(nodes, 0), open_fraction(nodes, 1), inertial_number(nodes, 0) {}
 
   Array<double> material_volume; ///< Σ V_p N_i, m^d
-  Array<double> open_share;      ///< of a node's volume: what no solid takes
+  Array<double> open_fraction;   ///< of a node's volume: what no solid takes
   Array<double> inertial_number;
 };
 

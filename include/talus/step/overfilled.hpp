@@ -22,8 +22,7 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
   Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
   Array<int> count(volume.size(), 0);
   for (std::size_t p = 0; p < particles.size(); ++p) {
-    const auto first =
-        static_cast<std::size_t>(grid.first_node(grid.cell_at(particles.position[p])));
+    const int first = grid.first_node(grid.cell_at(particles.position[p]));
     volume[first] += particles.volume[p];
     ++count[first];
   }
@@ -37,7 +36,7 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
     for (int a = 0; a < Dim; ++a)
       room *= 1 + (cell[a] > 0) + (cell[a] + 1 < grid.cells(a));
     for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
-      const auto other = static_cast<std::size_t>(first + grid.neighbour_offset(k));
+      const int other = first + grid.neighbour_offset(k);
       sum += volume[other];
       particles_there += count[other];
     }

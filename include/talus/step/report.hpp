@@ -87,7 +87,7 @@ double largest_fraction(const DualProblem<Dim>& problem, const NodeFields& field
                         const Execution& execution, Array<double>& partials) {
   return largest_of_cones(problem, execution, partials, [&](std::size_t i) {
     const int j = problem.node[i];
-    return fields.open_share[j] == 1 ? fields.material_volume[j] / problem.volume[i] : 0;
+    return fields.open_fraction[j] == 1 ? fields.material_volume[j] / problem.node_volume[i] : 0;
   });
 }
 

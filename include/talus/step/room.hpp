@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
@@ -33,13 +34,13 @@ struct Room {
   /// first_moment: Σ V_p N_i (x_p − x_i)/h by axis, m^d.
   void set(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
     const int j = problem.node[i];
-    const double material = fields.material_volume[j], volume = problem.volume[i];
-    const bool in_the_open = fields.open_share[j] == 1; // beside solids the plain rule holds
+    const double material = fields.material_volume[j], volume = problem.node_volume[i];
+    const bool in_the_open = fields.open_fraction[j] == 1; // beside solids the plain rule holds
     double dense = 1, strain = 0;
     if (in_the_open && surfaces)
       dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
     if (in_the_open && (material > volume || packing.even)) {
-      const Vec<symmetric_size<Dim>> rate = strain_rate(problem, stencil, i);
+      const Vec<symmetric_size<Dim>> rate = integrated_strain_rate(problem, stencil, i);
       double shear2 = 0;
       for (int k = 1; k < symmetric_size<Dim>; ++k)
         shear2 += rate[k] * rate[k];
@@ -72,8 +73,8 @@ struct Room {
 
  private:
   void set(std::size_t i, double fraction, double dense, double strain) const {
-    problem.void_rate[i] = normal_from_mean<Dim>(packing.room(fraction, dense, strain) *
-                                                 problem.volume[i] / (Dim * time_step));
+    problem.free_volume_rate[i] = normal_from_mean<Dim>(packing.room(fraction, dense, strain) *
+                                                        problem.node_volume[i] / (Dim * time_step));
   }
 
   /// Does the material of a node end at a free surface along `axis`: is the next node that way (±1)
@@ -87,8 +88,8 @@ struct Room {
     if (grid.periodic(axis))
       other = grid.node(grid.owner(next));
     else if (next[axis] < 0 || next[axis] > grid.cells(axis) ||
-             (next[axis] == 0 && faces.lower[axis].kind != FaceKind::free) ||
-             (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::free))
+             (next[axis] == 0 && faces.lower[axis].kind != FaceKind::open) ||
+             (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::open))
       return false;
     return fields.material_volume[other] < 0.45 * grid.node_volume(next);
   }

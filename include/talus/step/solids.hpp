@@ -113,13 +113,13 @@ class SolidsAtCones {
       const std::size_t s = static_cast<std::size_t>(entries_[e].solid);
       if (s < bounds.obstacles.size()) {
         const ObstacleAtNode<Dim> seen = at_obstacle(bounds, s, x);
-        check_open_share<Dim>(s, x, seen.open_share);
+        check_open_share<Dim>(s, x, seen.open_fraction);
         entries_[e].holds = seen.contact.has_value();
-        share *= seen.open_share;
+        share *= seen.open_fraction;
       } else {
         const NodeInSolid<Dim> seen = in_body(bounds, s - bounds.obstacles.size(), x);
         entries_[e].holds = seen.contact;
-        share *= seen.open_share;
+        share *= seen.open_fraction;
       }
     }
     return std::max(share, 0.1);
@@ -132,7 +132,7 @@ class SolidsAtCones {
   }
   /// How body b sees a node at x (m).
   NodeInSolid<Dim> in_body(const Boundaries<Dim>& bounds, std::size_t b, const Vec<Dim>& x) const {
-    const Placed<Dim> body{bounds.bodies[b].shape, bounds.body_states[b]};
+    const Posed<Dim> body{bounds.bodies[b].shape, bounds.body_states[b]};
     return node_in_solid<Dim>(body, x, bounds.grid.spacing());
   }
 

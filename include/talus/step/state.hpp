@@ -23,13 +23,13 @@ namespace talus {
 /// All that a simulation hands from one step to the next.
 template <int Dim, class Real = double>
 struct SimulationState {
-  double time = 0;                             ///< s
-  std::size_t steps = 0;                       ///< made so far
-  double time_step = 0;                        ///< δt of the last step, s
-  Vec<Dim> gravity = Vec<Dim>::Zero();         ///< m/s²
-  Particles<Dim, Real> particles;              ///< their order counts: sums depend on it
-  Array<Vec<symmetric_size<Dim>>> node_stress; ///< λ, #nodes, Pa s: the warm start
-  Array<Contact<Dim>> contacts;                ///< node, source and impulse of each: the warm start
+  double time = 0;                                ///< s
+  std::size_t steps = 0;                          ///< made so far
+  double time_step = 0;                           ///< δt of the last step, s
+  Vec<Dim> gravity = Vec<Dim>::Zero();            ///< m/s²
+  Particles<Dim, Real> particles;                 ///< their order counts: sums depend on it
+  Array<Vec<symmetric_size<Dim>>> stress_impulse; ///< λ, #nodes, Pa s: the warm start
+  Array<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
   Array<RigidState<Dim>> bodies;
   Array<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
 };
@@ -105,23 +105,24 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
   check_gravity("state.gravity", state.gravity);
   check_particles(state.particles, bounds.grid);
   const int nodes = bounds.grid.node_count();
-  if (state.node_stress.size() != static_cast<std::size_t>(nodes))
-    throw_invalid("the number of nodes of the state", state.node_stress.size(),
+  if (state.stress_impulse.size() != static_cast<std::size_t>(nodes))
+    throw_invalid("the number of nodes of the state", state.stress_impulse.size(),
                   std::to_string(nodes));
-  for (const auto& stress : state.node_stress)
+  for (const auto& stress : state.stress_impulse)
     for (int k = 0; k < symmetric_size<Dim>; ++k)
       require_finite("a node's stress of the state", stress[k]);
   const auto check_impulse = [](const Contact<Dim>& contact) {
     for (int a = 0; a < Dim; ++a)
       require_finite("the impulse of a contact", contact.impulse[a]);
   };
-  const int sources = bounds.body_source(0);
+  const int sources = bounds.body_id(0);
   for (const Contact<Dim>& contact : state.contacts) {
     check_impulse(contact);
     if (contact.node < 0 || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid");
-    if (contact.source < 0 || contact.source >= sources)
-      throw_invalid("the source of a contact", contact.source, "below " + std::to_string(sources));
+    if (contact.boundary_id < 0 || contact.boundary_id >= sources)
+      throw_invalid("the source of a contact", contact.boundary_id,
+                    "below " + std::to_string(sources));
   }
   if (state.bodies.size() != bounds.bodies.size())
     throw_invalid("the number of bodies of the state", state.bodies.size(),
@@ -132,7 +133,7 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
     check_impulse(contact);
     if (contact.body < 0 || contact.body >= static_cast<int>(bounds.bodies.size()))
       throw_invalid("the body of a contact", contact.body, "a body of the simulation");
-    const Body<Dim>& body = bounds.bodies[contact.body];
+    const Body<Dim>& body = bounds.bodies[static_cast<std::size_t>(contact.body)];
     if (contact.node < -static_cast<int>(body.corners.size()) || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid, or a corner");
   }

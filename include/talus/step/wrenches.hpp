@@ -24,7 +24,7 @@ namespace talus {
 template <int Dim>
 struct SolvedStep {
   const DualProblem<Dim>& problem;
-  const Array<Vec<symmetric_size<Dim>>>& node_stress; ///< λ, #nodes, Pa s
+  const Array<Vec<symmetric_size<Dim>>>& stress_impulse; ///< λ, #nodes, Pa s
   const NodeFields& fields;
   const StepWorkspace<Dim>& work;
   const ViscousSolver<Dim>& viscous;
@@ -47,8 +47,8 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
     const int cone = step.work.cone[other];
     if (cone < 0)
       continue;
-    momentum += vector_to_symmetric<Dim, double>(step.node_stress[other]) *
-                problem.coupling[cone].col(neighbours - 1 - k);
+    momentum += vector_to_symmetric<Dim, double>(step.stress_impulse[other]) *
+                problem.gradient_weights[cone].col(neighbours - 1 - k);
   }
   return momentum + step.viscous.impulse(node);
 }
@@ -67,13 +67,13 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
     int count = 0;
     bool normal = false;
     for_each_face(bounds.grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
-      const bool holds = face.kind == FaceKind::stick || face.kind == FaceKind::slip;
+      const bool holds = face.kind == FaceKind::no_slip || face.kind == FaceKind::free_slip;
       if (holds && axis == a) {
-        sources[0] = bounds.face_source(axis, upper);
+        sources[0] = bounds.face_id(axis, upper);
         count = 1;
         normal = true;
-      } else if (!normal && face.kind == FaceKind::stick) {
-        sources[count++] = bounds.face_source(axis, upper);
+      } else if (!normal && face.kind == FaceKind::no_slip) {
+        sources[count++] = bounds.face_id(axis, upper);
       }
     });
     Vec<Dim> share = Vec<Dim>::Zero();
@@ -104,16 +104,16 @@ void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step
       add_if_held(node, momentum_if_free(step, node));
   }
   for (const Contact<Dim>& contact : problem.contacts) {
-    wrenches[contact.source].add(bounds.grid.node_position(contact.node), -contact.impulse);
+    wrenches[contact.boundary_id].add(bounds.grid.node_position(contact.node), -contact.impulse);
     add_if_held(contact.node, contact.impulse);
   }
   for (const BodyContact<Dim>& contact : problem.body_contacts) {
     const Vec<Dim> x = bounds.body_states[contact.body].position + contact.arm;
-    wrenches[bounds.body_source(0) + contact.body].add(x, -contact.impulse);
+    wrenches[bounds.body_id(0) + contact.body].add(x, -contact.impulse);
     if (contact.node >= 0)
       add_if_held(contact.node, contact.impulse);
     else
-      wrenches[contact.source].add(x, contact.impulse);
+      wrenches[contact.boundary_id].add(x, contact.impulse);
   }
   for (Wrench<Dim>& w : wrenches) {
     w.force /= step.time_step;

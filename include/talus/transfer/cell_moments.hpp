@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/node_types.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_order.hpp"
@@ -16,12 +17,6 @@
 
 namespace talus {
 
-/// The coupling of one node i with its 3^d neighbours j, a column of d numbers (m^(d−1)) for each:
-/// \f[ g_{ij} = \sum_p V_p\, N_i(x_p)\, ∇N_j(x_p), \f]
-/// or in full cells the integral over the cell, see even_volume().
-template <int Dim>
-using Coupling = RectMat<Dim, ipow(3, Dim)>;
-
 /// All that the grid needs to know of the particles in a cell.
 ///
 /// Products of two multilinear shape functions, or of one with a gradient of another, are
@@ -31,17 +26,16 @@ using Coupling = RectMat<Dim, ipow(3, Dim)>;
 /// all terms are positive: nothing cancels.
 template <int Dim>
 struct CellMoments {
-  std::array<double, static_cast<std::size_t>(ipow(3, Dim))> volume{}; ///< T, m^d
+  SmallArray<double, ipow(3, Dim)> volume{}; ///< T, m^d
   /// T as stress sees it, m^d: the same, or see even_volume()
-  std::array<double, static_cast<std::size_t>(ipow(3, Dim))> stress_volume{};
+  SmallArray<double, ipow(3, Dim)> stress_volume{};
   /// Σ_p V_p N_c(x_p) u_p(x_c) for each corner c, u_p the velocity field of the particle,
   /// m^d · m/s.
-  std::array<Vec<Dim>, static_cast<std::size_t>(ipow(2, Dim))> momentum{};
+  SmallArray<Vec<Dim>, ipow(2, Dim)> momentum{};
 };
 
 template <int Dim>
-double corner_volume(const std::array<double, static_cast<std::size_t>(ipow(3, Dim))>& moments,
-                     int corner);
+double corner_volume(const SmallArray<double, ipow(3, Dim)>& moments, int corner);
 
 /// The moments that stress acts on. In a full cell they are those of material that fills it evenly,
 /// \f$∫ B_a B_b B_c\f$. Sums over particles jump when one of them goes from cell to cell; times the
@@ -57,9 +51,9 @@ void even_volume(double cell_volume, CellMoments<Dim>& m) {
   const double share = least * Grid<Dim>::corners / cell_volume;
   const double t = std::clamp((share - 0.4) / 0.3, 0.0, 1.0);
   const double even = t * t * (3 - 2 * t);
-  for (std::size_t k = 0; k < m.volume.size(); ++k) {
+  for (int k = 0; k < m.volume.size(); ++k) {
     double full = cell_volume;
-    std::size_t rest = k;
+    int rest = k;
     for (int a = 0; a < Dim; ++a, rest /= 3)
       full *= rest % 3 == 1 ? 1.0 / 6 : 1.0 / 3;
     m.stress_volume[k] = m.volume[k] + even * (full - m.volume[k]);
@@ -128,7 +122,7 @@ class CellMomentSum {
 
   CellMoments<Dim> total() const {
     CellMoments<Dim> m;
-    for (std::size_t k = 0; k < volume_.size(); ++k)
+    for (int k = 0; k < volume_.size(); ++k)
       m.volume[k] = sum_of(volume_[k]);
     for (std::size_t c = 0; c < corners; ++c)
       for (std::size_t a = 0; a < dim; ++a)
@@ -212,7 +206,7 @@ class CellMomentSum {
   const Grid<Dim>& grid_;
   Index<Dim> cell_;
   std::array<double, corners> edges_; ///< product of the cell's edges along each set of axes
-  std::array<ParticleLanes, static_cast<std::size_t>(ipow(3, Dim))> volume_;
+  SmallArray<ParticleLanes, ipow(3, Dim)> volume_;
   std::array<VecLanes<Dim>, corners> momentum_;
 };
 
@@ -274,18 +268,16 @@ void for_each_cell_of_node(const Grid<Dim>& grid, const Index<Dim>& index, const
 
 /// Σ_p V_p N_c(x_p) at one corner of a cell, m^d, from its moments T.
 template <int Dim>
-double corner_volume(const std::array<double, static_cast<std::size_t>(ipow(3, Dim))>& moments,
-                     int corner) {
+double corner_volume(const SmallArray<double, ipow(3, Dim)>& moments, int corner) {
   using G = Grid<Dim>;
-  const std::size_t i = static_cast<std::size_t>(G::corner_bit(corner, 0)),
-                    j = static_cast<std::size_t>(G::corner_bit(corner, 1));
+  const int i = G::corner_bit(corner, 0), j = G::corner_bit(corner, 1);
   double sum = 0;
-  for (std::size_t a = i; a <= i + 1; ++a)
-    for (std::size_t b = j; b <= j + 1; ++b) {
+  for (int a = i; a <= i + 1; ++a)
+    for (int b = j; b <= j + 1; ++b) {
       if constexpr (Dim == 2) {
         sum += moments[3 * a + b];
       } else {
-        const std::size_t k = static_cast<std::size_t>(G::corner_bit(corner, 2));
+        const int k = G::corner_bit(corner, 2);
         sum += moments[9 * a + 3 * b + k] + moments[9 * a + 3 * b + k + 1];
       }
     }
@@ -300,12 +292,13 @@ double corner_volume(const CellMoments<Dim>& m, int corner) {
 template <int Dim>
 Vec<Dim> corner_first_moment(const CellMoments<Dim>& m, int corner) {
   using G = Grid<Dim>;
-  constexpr std::array<int, 3> stride = Dim == 2 ? std::array{3, 1, 0} : std::array{9, 3, 1};
+  constexpr SmallArray<int, 3> stride =
+      Dim == 2 ? SmallArray<int, 3>{3, 1, 0} : SmallArray<int, 3>{9, 3, 1};
   Vec<Dim> moment;
   for (int a = 0; a < Dim; ++a) {
     // along a: N t = ± B_1; along the others: N = B_i + B_{i+1}
     int first = stride[a];
-    std::array<int, 2> steps{};
+    SmallArray<int, 2> steps{};
     int others = 0;
     for (int b = 0; b < Dim; ++b)
       if (b != a) {
@@ -324,9 +317,10 @@ Vec<Dim> corner_first_moment(const CellMoments<Dim>& m, int corner) {
 /// Adds one cell's share of g_ij, i being corner `corner` of the cell.
 template <int Dim>
 void add_coupling(const CellMoments<Dim>& m, int corner, const Vec<Dim>& inverse_spacing,
-                  Coupling<Dim>& g) {
+                  GradientWeights<Dim>& g) {
   using G = Grid<Dim>;
-  constexpr std::array<int, 3> stride = Dim == 2 ? std::array{3, 1, 0} : std::array{9, 3, 1};
+  constexpr SmallArray<int, 3> stride =
+      Dim == 2 ? SmallArray<int, 3>{3, 1, 0} : SmallArray<int, 3>{9, 3, 1};
   int first = 0; // T of the lowest product N_i N_j
   for (int a = 0; a < Dim; ++a)
     first += G::corner_bit(corner, a) * stride[a];
@@ -350,7 +344,7 @@ void add_coupling(const CellMoments<Dim>& m, int corner, const Vec<Dim>& inverse
 /// Along a periodic axis of one or two cells two or three neighbours are the same node, which then
 /// gets what all of them have. index: the node's.
 template <int Dim>
-void fold_neighbours(const Grid<Dim>& grid, const Index<Dim>& index, Coupling<Dim>& g) {
+void fold_neighbours(const Grid<Dim>& grid, const Index<Dim>& index, GradientWeights<Dim>& g) {
   for (int a = 0; a < Dim; ++a) {
     if (!grid.periodic(a) || grid.cells(a) > 2)
       continue;
@@ -371,7 +365,7 @@ void fold_neighbours(const Grid<Dim>& grid, const Index<Dim>& index, Coupling<Di
 template <int Dim>
 Vec<Dim> gather_coupling(const Grid<Dim>& grid, const Index<Dim>& index,
                          const CellOrder<Dim>& order, const Array<CellMoments<Dim>>& moments,
-                         Coupling<Dim>& g) {
+                         GradientWeights<Dim>& g) {
   g.setZero();
   Vec<Dim> first_moment = Vec<Dim>::Zero();
   for_each_cell_of_node(grid, index, [&](int cell, int corner) {

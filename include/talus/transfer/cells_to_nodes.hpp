@@ -31,11 +31,10 @@ void cells_to_nodes(const Array<CellMoments<Dim>>& moments, const CellOrder<Dim>
         sum += corner_volume(m, corner);
         momentum += m.momentum[corner];
       });
-      const std::size_t j = static_cast<std::size_t>(node);
-      volume[j] = sum;
-      velocity[j].setZero();
+      volume[node] = sum;
+      velocity[node].setZero();
       if (sum > 0)
-        velocity[j].template head<Dim>() = momentum / sum;
+        velocity[node].template head<Dim>() = momentum / sum;
     }
   });
 }

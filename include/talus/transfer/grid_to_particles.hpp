@@ -26,7 +26,8 @@ class CellField {
   static constexpr std::size_t corners = static_cast<std::size_t>(Grid<Dim>::corners);
 
   /// corner: the values at the corners of the cell.
-  explicit CellField(const std::array<Vec<Dim>, corners>& corner) : coefficient_(corner) {
+  explicit CellField(const SmallArray<Vec<Dim>, Grid<Dim>::corners>& corner)
+      : coefficient_(corner) {
     for (std::size_t bit = 1; bit < corners; bit *= 2) // differences along one axis after another
       for (std::size_t c = 0; c < corners; ++c)
         if (c & bit)
@@ -80,7 +81,7 @@ class CellField {
  private:
   double at(std::size_t subset, std::size_t a) const { return coefficient_[subset].data()[a]; }
 
-  std::array<Vec<Dim>, corners> coefficient_;
+  SmallArray<Vec<Dim>, Grid<Dim>::corners> coefficient_;
 };
 
 /// Takes the particles' velocity fields from the grid by `transfer` and moves
@@ -99,7 +100,7 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
   constexpr bool multilinear = Transfer::field == ParticleField::multilinear;
   constexpr std::size_t mixed_count = multilinear ? mixed_terms<Dim>.size() : 0;
   const auto field = [&](const Array<NodeVelocity>& nodes, int first) {
-    std::array<Vec<Dim>, CellField<Dim>::corners> u;
+    SmallArray<Vec<Dim>, Grid<Dim>::corners> u;
     for (int c = 0; c < Grid<Dim>::corners; ++c)
       u[c] = nodes[first + grid.corner_offset(c)].template head<Dim>();
     return CellField<Dim>(u);

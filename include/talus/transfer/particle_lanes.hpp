@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 
@@ -27,7 +28,7 @@ inline double sum_of(const ParticleLanes& l) {
 
 /// A Dim-vector of each, by component.
 template <int Dim>
-using VecLanes = std::array<ParticleLanes, static_cast<std::size_t>(Dim)>;
+using VecLanes = SmallArray<ParticleLanes, Dim>;
 
 /// The set {axis} among the sets of axes, numbered like the corners of a cell.
 template <int Dim>
@@ -49,16 +50,14 @@ template <int Dim>
 VecLanes<Dim> local_lanes(const Grid<Dim>& grid, const Index<Dim>& cell, const VecLanes<Dim>& x) {
   VecLanes<Dim> xi;
   for (int a = 0; a < Dim; ++a)
-    xi[static_cast<std::size_t>(a)] =
-        (x[static_cast<std::size_t>(a)] - grid.origin()[a]) * grid.inverse_spacing()[a] -
-        static_cast<double>(cell[a]);
+    xi[a] = (x[a] - grid.origin()[a]) * grid.inverse_spacing()[a] - static_cast<double>(cell[a]);
   return xi;
 }
 
 /// Puts the components of v into one lane.
 template <int Dim, class Real>
 void set_lane(VecLanes<Dim>& lanes, std::size_t lane, const Real* v) {
-  for (std::size_t a = 0; a < static_cast<std::size_t>(Dim); ++a)
+  for (int a = 0; a < Dim; ++a)
     lanes[a][static_cast<Eigen::Index>(lane)] = static_cast<double>(v[a]);
 }
 

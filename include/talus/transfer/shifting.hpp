@@ -38,7 +38,7 @@ void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& orde
       double sheared = 0;
       bool inside = true;
       for (int c = 0; c < G::corners && inside; ++c) {
-        const std::size_t node = static_cast<std::size_t>(first + grid.corner_offset(c));
+        const int node = first + grid.corner_offset(c);
         inside = excess[node] < not_inside;
         sheared += strain[node] / G::corners;
       }

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/cone/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
+#include "talus/cone/comparison/quartic.hpp"
 #include "talus/cone/local_solver.hpp"
-#include "talus/cone/quartic.hpp"
 #include "talus/core/types.hpp"
 
 namespace talus {

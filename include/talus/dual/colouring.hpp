@@ -8,7 +8,6 @@
 #include "talus/dual/problem.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <numeric>
 
@@ -27,7 +26,7 @@ class BlockOrder {
 
   BlockOrder() = default;
   explicit BlockOrder(const Grid<Dim>& grid) {
-    std::array<Array<int>, std::size_t{Dim}> edges; // where blocks begin along each axis
+    SmallArray<Array<int>, Dim> edges; // where blocks begin along each axis
     Index<Dim> blocks;
     for (int a = 0; a < Dim; ++a) {
       Array<int>& edge = edges[a];

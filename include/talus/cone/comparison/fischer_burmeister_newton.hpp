@@ -35,7 +35,7 @@ class FischerBurmeisterNewton {
   template <int N>
   static constexpr int width = (N + 4) / 4 * 4;
   template <int N, class Scalar>
-  using Wide = Vec<width<N>, Scalar>;
+  using Padded = Vec<width<N>, Scalar>;
   template <int N, class Scalar>
   using Rows = RectMat<width<N>, N, Scalar>; ///< one equation a column, entry N its right side
 
@@ -75,7 +75,7 @@ class FischerBurmeisterNewton {
       return {LocalStatus::open, 0, 0};
     }
     const Scalar unit = size / p.scale;
-    Wide<N, Scalar> b_scaled = Wide<N, Scalar>::Zero(), start = b_scaled;
+    Padded<N, Scalar> b_scaled = Padded<N, Scalar>::Zero(), start = b_scaled;
     b_scaled.template head<N>() = b / size;
     start.template head<N>() = lambda / unit;
     Iterate<Law, N, Scalar> best(p, b_scaled, start);
@@ -98,11 +98,11 @@ class FischerBurmeisterNewton {
   /// λ, and f = f_MFB(W λ + b, λ) there.
   template <class Law, int N, class Scalar>
   struct Iterate {
-    Wide<N, Scalar> lambda, gamma, f;
+    Padded<N, Scalar> lambda, gamma, f;
     Scalar merit; ///< |f|²
 
-    Iterate(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
-            const Wide<N, Scalar>& start)
+    Iterate(const Prepared<Law, N, Scalar>& p, const Padded<N, Scalar>& b,
+            const Padded<N, Scalar>& start)
         : lambda(start), gamma(b) {
       for (int j = 0; j < N; ++j)
         gamma += lambda[j] * p.w.col(j);
@@ -128,27 +128,27 @@ class FischerBurmeisterNewton {
 
   /// ĝ = (γ̃_N, μ γ̃_T) and λ̂ = (μ λ_N, λ_T).
   template <class Law, int N, class Scalar>
-  static void hats(const Wide<N, Scalar>& gamma, const Wide<N, Scalar>& lambda, Scalar mu,
-                   Wide<N, Scalar>& x, Wide<N, Scalar>& y) {
-    const Wide<N, Scalar> gamma_t = tangential(gamma);
+  static void hats(const Padded<N, Scalar>& gamma, const Padded<N, Scalar>& lambda, Scalar mu,
+                   Padded<N, Scalar>& x, Padded<N, Scalar>& y) {
+    const Padded<N, Scalar> gamma_t = tangential(gamma);
     Scalar normal = gamma[0];
     if constexpr (std::is_same_v<Law, CoulombLaw>)
       normal += mu * gamma_t.norm();
-    x = mu * gamma_t + normal * unit<Wide<N, Scalar>>(0);
-    y = tangential(lambda) + (mu * lambda[0]) * unit<Wide<N, Scalar>>(0);
+    x = mu * gamma_t + normal * unit<Padded<N, Scalar>>(0);
+    y = tangential(lambda) + (mu * lambda[0]) * unit<Padded<N, Scalar>>(0);
   }
 
   /// law_residual() for numbers near one.
   template <class Law, int N, class Scalar>
-  static Wide<N, Scalar> residual(const Wide<N, Scalar>& gamma, const Wide<N, Scalar>& lambda,
-                                  Scalar mu) {
+  static Padded<N, Scalar> residual(const Padded<N, Scalar>& gamma, const Padded<N, Scalar>& lambda,
+                                    Scalar mu) {
     if (!(mu > Scalar(1e-30))) {
-      Wide<N, Scalar> f = Wide<N, Scalar>::Zero();
+      Padded<N, Scalar> f = Padded<N, Scalar>::Zero();
       f.template head<N>() =
           law_residual<N, Scalar>(Law{}, gamma.template head<N>(), lambda.template head<N>(), mu);
       return f;
     }
-    Wide<N, Scalar> x, y;
+    Padded<N, Scalar> x, y;
     hats<Law, N, Scalar>(gamma, lambda, mu, x, y);
     return fischer_burmeister_unscaled<width<N>, Scalar>(x, y); // zeros stay zeros
   }
@@ -169,18 +169,18 @@ class FischerBurmeisterNewton {
 
   /// Runs from `state` until it meets the tolerance or stalls; returns the number of iterations.
   template <class Law, int N, class Scalar>
-  int newton(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
+  int newton(const Prepared<Law, N, Scalar>& p, const Padded<N, Scalar>& b,
              Iterate<Law, N, Scalar>& state) const noexcept {
     int iterations = 0;
     while (iterations < params_.max_iterations && !met(state) && std::isfinite(state.merit)) {
       ++iterations;
       // J = L_s⁻¹ A, so J d = −f is A d = −L_s f, and the slope of |f|²/2 along d is −|f|².
-      Wide<N, Scalar> s, step = Wide<N, Scalar>::Zero();
+      Padded<N, Scalar> s, step = Padded<N, Scalar>::Zero();
       const Rows<N, Scalar> a = equations(p, state, s);
       if (eliminate<N, Scalar>(a, step) && search(p, b, state, step, -state.merit))
         continue;
       // singular, or nearly: down the gradient Jᵀ f = Aᵀ L_s⁻¹ f
-      const Wide<N, Scalar> quotient = jordan_quotient(state.f, s);
+      const Padded<N, Scalar> quotient = jordan_quotient(state.f, s);
       step.setZero();
       for (int i = 0; i < N; ++i)
         step.template head<N>() -= quotient[i] * a.col(i).template head<N>();
@@ -192,8 +192,8 @@ class FischerBurmeisterNewton {
 
   /// Halves the step until |f|² falls enough. False, and `state` as it was, if it does not fall.
   template <class Law, int N, class Scalar>
-  static bool search(const Prepared<Law, N, Scalar>& p, const Wide<N, Scalar>& b,
-                     Iterate<Law, N, Scalar>& state, const Wide<N, Scalar>& step,
+  static bool search(const Prepared<Law, N, Scalar>& p, const Padded<N, Scalar>& b,
+                     Iterate<Law, N, Scalar>& state, const Padded<N, Scalar>& step,
                      Scalar slope) noexcept {
     if (!step.allFinite() || !(slope < 0))
       return false;
@@ -226,7 +226,7 @@ class FischerBurmeisterNewton {
   /// largest or less, so that the search for that one is seldom waited for. False if a pivot
   /// vanishes.
   template <int N, class Scalar>
-  static bool eliminate(Rows<N, Scalar> a, Wide<N, Scalar>& x) noexcept {
+  static bool eliminate(Rows<N, Scalar> a, Padded<N, Scalar>& x) noexcept {
     for (int k = 0; k < N; ++k) {
       int largest = k;
       for (int i = k + 1; i < N; ++i)
@@ -236,9 +236,9 @@ class FischerBurmeisterNewton {
         a.col(k).swap(a.col(largest));
       if (!(std::abs(a(k, k)) > 0))
         return false;
-      const Wide<N, Scalar> pivot = a.col(k) * (1 / a(k, k));
+      const Padded<N, Scalar> pivot = a.col(k) * (1 / a(k, k));
       for (int i = 0; i < N; ++i)
-        a.col(i) = i == k ? pivot : Wide<N, Scalar>(a.col(i) - a(k, i) * pivot);
+        a.col(i) = i == k ? pivot : Padded<N, Scalar>(a.col(i) - a(k, i) * pivot);
     }
     for (int i = 0; i < N; ++i)
       x[i] = a(N, i);
@@ -250,8 +250,8 @@ class FischerBurmeisterNewton {
   /// dy, A = L_{s−x} dx + L_{s−y} dy.
   template <class Law, int N, class Scalar>
   static Rows<N, Scalar> equations(const Prepared<Law, N, Scalar>& p,
-                                   const Iterate<Law, N, Scalar>& state, Wide<N, Scalar>& s) {
-    using Vector = Wide<N, Scalar>;
+                                   const Iterate<Law, N, Scalar>& state, Padded<N, Scalar>& s) {
+    using Vector = Padded<N, Scalar>;
     const Scalar mu = p.friction;
     Rows<N, Scalar> a;
     if (!(mu > 0)) { // f = (x_N + y_N − hypot(x_N, y_N), λ_T): no product, s = e_N
