@@ -6,15 +6,16 @@
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
+#     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
 #     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, half an hour or more
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
-  local | global | step | accuracy) name=$1; shift ;;
-  -h | --help) sed -n '3,9s/^# \{0,1\}//p' "$0"; exit 0 ;;
-  *) echo "which benchmark? sh $0 local | global | step | accuracy" >&2; exit 2 ;;
+  local | global | step | scaling | accuracy) name=$1; shift ;;
+  -h | --help) sed -n '3,10s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global | step | scaling | accuracy" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
@@ -51,6 +52,12 @@ fi
 if [ "$name" = step ]; then
   "$python" "$root/bench/step.py" "$build" "$out" "$@"
   echo "$out/step.json, .md, .png"
+  exit
+fi
+
+if [ "$name" = scaling ]; then
+  "$python" "$root/bench/scaling.py" "$build" "$out" "$@"
+  echo "$out/scaling.json, .md, .png"
   exit
 fi
 
