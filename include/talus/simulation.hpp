@@ -185,7 +185,8 @@ class Simulation {
     hold_at_faces(params_.faces, node_order_.nodes(), execution_, problem_);
     problem_.periodic.copy(problem_.velocity, execution_);
     problem_.periodic.copy(problem_.inverse_mass, execution_);
-    collect_contacts(boundaries(), solids_, node_rank_, {state_.contacts, ratio}, problem_);
+    collect_contacts(boundaries(), solids_, node_rank_, {state_.contacts, ratio}, execution_,
+                     problem_);
     collect_body_contacts(boundaries(), solids_, node_rank_, state_.time_step,
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
@@ -212,10 +213,11 @@ class Simulation {
       torn_ = false;
       attempt.complete();
       keep_forces();
-      measure_wrenches(boundaries(), solved_step(), wrenches_);
+      measure_wrenches(boundaries(), solved_step(), execution_, work_.held_momentum, wrenches_);
       report.bodies_left =
           move_bodies(params_.bodies, bodies_, problem_, state_.time_step, state_.bodies);
-      const Outflow outflow = remove_outflow(params_.faces, grid_, state_.particles);
+      const Outflow outflow =
+          remove_outflow(params_.faces, grid_, execution_, work_.outflow, state_.particles);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
       state_.time += state_.time_step;
@@ -425,11 +427,11 @@ class Simulation {
   }
 
   void choose_time_step() {
-    state_.time_step =
-        params_.cfl == 0
-            ? params_.time_step
-            : cfl_time_step(params_.cfl, params_.time_step, boundaries(), solids_,
-                            node_order_.nodes(), work_.velocity_before, bodies_, state_.gravity);
+    state_.time_step = params_.cfl == 0
+                           ? params_.time_step
+                           : cfl_time_step(params_.cfl, params_.time_step, boundaries(), solids_,
+                                           node_order_.nodes(), work_.velocity_before, bodies_,
+                                           state_.gravity, execution_, work_.partials);
   }
 
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
@@ -513,7 +515,7 @@ class Simulation {
 
   /// Solves the dual problem, or says why not.
   void solve(StepReport& report) {
-    report.invalid_friction = count_invalid_friction(rheology_, problem_);
+    report.invalid_friction = count_invalid_friction(rheology_, problem_, execution_, work_.counts);
     if (report.invalid_friction > 0) {
       report.solve.status = SolveStatus::not_finite;
       return;

@@ -5,6 +5,8 @@
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
@@ -18,6 +20,8 @@
 #include <algorithm>
 #include <compare>
 #include <cstddef>
+#include <iterator>
+#include <string>
 
 /// \file
 /// The Coulomb contacts of a step. Each goes on from the impulse that it had in the last one.
@@ -40,7 +44,16 @@ class LastImpulses {
   /// ratio: this time step over the last; impulses are forces times δt.
   LastImpulses(const Array<AnyContact>& last, double ratio) : last_(last), ratio_(ratio) {}
 
-  /// place_of(contact): its ContactPlace. Must be called in the order of places.
+  /// Goes to the first contact at `first` or after it. place_of(contact): its ContactPlace.
+  template <class PlaceOf>
+  void seek(const ContactPlace& first, const PlaceOf& place_of) {
+    next_ = static_cast<std::size_t>(
+        std::partition_point(last_.begin(), last_.end(),
+                             [&](const AnyContact& c) { return place_of(c) < first; }) -
+        last_.begin());
+  }
+
+  /// To be called in the order of places.
   template <class PlaceOf>
   void warm_start(AnyContact& contact, const PlaceOf& place_of) {
     const ContactPlace place = place_of(contact);
@@ -56,47 +69,84 @@ class LastImpulses {
   std::size_t next_ = 0;
 };
 
+/// Calls visit(axis, upper, face) for the frictional faces that the node of cone i touches.
+template <int Dim, class Visit>
+void for_each_frictional_face(const Boundaries<Dim>& bounds, const DualProblem<Dim>& problem,
+                              std::size_t i, const Visit& visit) {
+  const int node = problem.node[i];
+  for_each_face(bounds.grid, bounds.faces, bounds.grid.node_index(node),
+                [&](int axis, bool upper, const Face& face) {
+                  if (face.kind == FaceKind::frictional && problem.inverse_mass[node][axis] > 0)
+                    visit(axis, upper, face);
+                });
+}
+
+/// Calls visit(obstacle) for those that hold the node of cone i, if it can move.
+template <int Dim, class Visit>
+void for_each_holding_obstacle(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& solids,
+                               const DualProblem<Dim>& problem, std::size_t i, const Visit& visit) {
+  if (problem.inverse_mass[problem.node[i]].maxCoeff() > 0)
+    solids.for_each_holding_obstacle(bounds, i, visit);
+}
+
 /// Contacts of the nodes that carry cones with frictional faces and obstacles, block by block.
 /// solids: with what each cone sees; node_rank: place of a node in the order of the blocks, #nodes.
-/// Throws std::invalid_argument if an obstacle gives what is no contact (see check_contact).
+/// Throws std::invalid_argument if an obstacle gives what is no contact (see check_contact), or
+/// none where it gave one in this step.
 template <int Dim>
 void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& solids,
-                      const Array<std::size_t>& node_rank, LastImpulses<Contact<Dim>> impulses,
+                      const Array<std::size_t>& node_rank,
+                      const LastImpulses<Contact<Dim>>& impulses, const Execution& execution,
                       DualProblem<Dim>& problem) {
-  const Grid<Dim>& grid = bounds.grid;
-  problem.contacts.clear();
-  const auto add = [&](Contact<Dim> contact) {
-    impulses.warm_start(contact, [&](const Contact<Dim>& c) {
-      return ContactPlace{0, node_rank[c.node], c.boundary_id};
-    });
-    problem.contacts.push_back(contact);
+  const auto place_of = [&](const Contact<Dim>& c) {
+    return ContactPlace{0, node_rank[c.node], c.boundary_id};
   };
-  for (Block& block : problem.blocks) {
-    block.contact_begin = problem.contacts.size();
+  const std::ptrdiff_t blocks = std::ssize(problem.blocks);
+  execution.for_each(blocks, [&](std::ptrdiff_t b) {
+    Block& block = problem.blocks[b];
+    block.contact_end = 0;
     for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
-      const int node = problem.node[i];
-      const NodeVec<Dim>& inverse_mass = problem.inverse_mass[node];
-      const Index<Dim> index = grid.node_index(node);
-      for_each_face(grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
-        if (face.kind != FaceKind::frictional || !(inverse_mass[axis] > 0))
-          return;
-        Contact<Dim> contact;
-        contact.node = node;
+      for_each_frictional_face(bounds, problem, i,
+                               [&](int, bool, const Face&) { ++block.contact_end; });
+      for_each_holding_obstacle(bounds, solids, problem, i,
+                                [&](std::size_t) { ++block.contact_end; });
+    }
+  });
+  std::size_t count = 0;
+  for (Block& block : problem.blocks) {
+    block.contact_begin = count;
+    count = block.contact_end += count;
+  }
+  problem.contacts.resize(count);
+  execution.for_each(blocks, [&](std::ptrdiff_t b) {
+    const Block& block = problem.blocks[b];
+    if (block.contact_begin == block.contact_end)
+      return;
+    std::size_t next = block.contact_begin;
+    LastImpulses<Contact<Dim>> last = impulses;
+    last.seek({0, node_rank[problem.node[block.cone_begin]], 0}, place_of);
+    const auto add = [&](Contact<Dim> contact) {
+      last.warm_start(contact, place_of);
+      problem.contacts[next++] = contact;
+    };
+    for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+      Contact<Dim> contact;
+      contact.node = problem.node[i];
+      for_each_frictional_face(bounds, problem, i, [&](int axis, bool upper, const Face& face) {
         contact.boundary_id = bounds.face_id(axis, upper);
+        contact.normal.setZero();
         contact.normal[axis] = upper ? -1 : 1;
         contact.friction = face.friction;
         add(contact);
       });
-      if (!(inverse_mass.maxCoeff() > 0))
-        continue;
-      solids.for_each_holding_obstacle(bounds, i, [&](std::size_t o) {
-        const Vec<Dim> x = grid.node_position(index);
+      for_each_holding_obstacle(bounds, solids, problem, i, [&](std::size_t o) {
+        const Vec<Dim> x = bounds.grid.node_position(contact.node);
         const auto held = solids.at_obstacle(bounds, o, x).contact;
         if (!held)
-          return; // it is no function of its arguments alone
+          throw_invalid("obstacle " + std::to_string(o) + " at " + place_text<Dim>(x) +
+                            ": the number of contacts that it gave and then did not",
+                        1, "0: the same answer for the same arguments");
         check_contact(o, x, *held);
-        Contact<Dim> contact;
-        contact.node = node;
         contact.boundary_id = bounds.obstacle_id(o);
         contact.normal = held->normal;
         contact.wall_velocity = held->velocity;
@@ -104,8 +154,7 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
         add(contact);
       });
     }
-    block.contact_end = problem.contacts.size();
-  }
+  });
 }
 
 /// Contacts of the free bodies with nodes that carry cones, and of their corners with faces.

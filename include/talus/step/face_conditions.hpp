@@ -56,34 +56,50 @@ std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Gri
 struct Outflow {
   std::size_t particles = 0;
   double volume = 0;
+
+  friend Outflow operator+(const Outflow& a, const Outflow& b) {
+    return {a.particles + b.particles, a.volume + b.volume};
+  }
 };
 
-/// Takes out the particles that are outside of the box: they have passed a free face.
+/// Takes out the particles that are outside of the box: they have passed an open face. partials:
+/// workspace.
 template <int Dim, class Real>
-Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid,
-                       Particles<Dim, Real>& particles) {
-  Outflow outflow;
+Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Execution& execution,
+                       Array<Outflow>& partials, Particles<Dim, Real>& particles) {
   bool open = false;
   for (int a = 0; a < Dim; ++a)
     open = open || faces.lower[a].kind == FaceKind::open || faces.upper[a].kind == FaceKind::open;
   if (!open)
-    return outflow;
+    return {};
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();
-  std::size_t kept = 0;
-  for (std::size_t p = 0; p < particles.size(); ++p) {
+  const auto inside = [&](std::size_t p) {
     const Vec<Dim>& x = particles.position[p];
-    bool inside = true;
+    bool is = true;
     for (int a = 0; a < Dim; ++a)
-      inside = inside && x[a] >= lower[a] && x[a] <= upper[a];
-    if (inside) {
+      is = is && x[a] >= lower[a] && x[a] <= upper[a];
+    return is;
+  };
+  const Outflow outflow = execution.reduce(
+      static_cast<std::ptrdiff_t>(particles.size()), partials, Outflow{},
+      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        Outflow left;
+        for (std::size_t p = static_cast<std::size_t>(begin); p < static_cast<std::size_t>(end);
+             ++p)
+          if (!inside(p))
+            left = left + Outflow{1, static_cast<double>(particles.volume[p])};
+        return left;
+      },
+      [](const Outflow& x, const Outflow& y) { return x + y; });
+  if (outflow.particles == 0)
+    return outflow;
+  std::size_t kept = 0;
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    if (inside(p)) {
       if (kept != p)
         particles.copy(kept, particles, p);
       ++kept;
-    } else {
-      ++outflow.particles;
-      outflow.volume += particles.volume[p];
     }
-  }
   particles.resize(kept);
   return outflow;
 }

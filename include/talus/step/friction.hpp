@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -11,6 +12,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <functional>
+#include <iterator>
 
 /// \file
 /// Friction and cohesion of the cones, from the rheology.
@@ -52,16 +55,24 @@ void remove_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double 
       problem.stress_impulse[i][0] -= cone_apex(rheology, problem, time_step, i);
 }
 
-/// Nodes where the rheology gave no finite μ ≥ 0, or no μ > 0 where there is cohesion.
+/// Nodes where the rheology gave no finite μ ≥ 0, or no μ > 0 where there is cohesion. partials:
+/// workspace.
 template <Rheology R, int Dim>
-std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& problem) {
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < problem.cones(); ++i) {
-    const double mu = problem.opening[i];
-    const bool some = cone_cohesion(rheology, problem, i) > 0;
-    count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0U : 1U;
-  }
-  return count;
+std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& problem,
+                                   const Execution& execution, Array<std::size_t>& partials) {
+  return execution.reduce(
+      std::ssize(problem.node), partials, std::size_t{0},
+      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        std::size_t count = 0;
+        for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
+             ++i) {
+          const double mu = problem.opening[i];
+          const bool some = cone_cohesion(rheology, problem, i) > 0;
+          count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0U : 1U;
+        }
+        return count;
+      },
+      std::plus<>());
 }
 
 /// I_i from the velocities and the stress λ (not λ') that the problem has. material_volume:

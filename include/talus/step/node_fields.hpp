@@ -5,6 +5,7 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
+#include "talus/step/face_conditions.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/shifting.hpp"
@@ -39,8 +40,10 @@ struct StepWorkspace {
   Array<int> cone;                     ///< the cone of a node or −1, #nodes
   Array<double> excess;                ///< φ − 1 or not_inside, #nodes
   Array<double> strain;                ///< |γ̇| δt, #nodes
+  Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
   Array<std::size_t> counts;           ///< of cones, by block
   Array<double> partials;              ///< of sums and maxima
+  Array<Outflow> outflow;              ///< the same
 };
 
 } // namespace talus

@@ -148,6 +148,8 @@ class SolidsAtCones {
   /// The pairs of a body and a cone whose node it holds, by body, then cone.
   const Array<std::pair<std::size_t, std::size_t>>& held_by_bodies(const Boundaries<Dim>& bounds) {
     by_body_.clear();
+    if (bounds.bodies.empty())
+      return by_body_;
     for (std::size_t cone = 0; cone + 2 < begin_.size(); ++cone)
       for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e)
         if (const std::size_t s = static_cast<std::size_t>(entries_[e].solid);

@@ -3,6 +3,7 @@
 
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
@@ -13,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 
 namespace talus {
@@ -22,20 +24,28 @@ namespace talus {
 /// that they don't jump into it. A body outside of the box may go on until it has come back by that
 /// share of a cell; an obstacle outside has no influence.
 /// cfl: largest share of a cell to cross in a step, > 0; largest: δt_max, s; solids: where
-/// they are; nodes: those of the box; velocity: u*, #nodes of the grid, m/s; gravity: m/s². Throws
-/// std::invalid_argument if an obstacle gives what is no contact (see check_contact).
+/// they are; nodes: those of the box; velocity: u*, #nodes of the grid, m/s; gravity: m/s²;
+/// partials: workspace. Throws std::invalid_argument if an obstacle gives what is no contact (see
+/// check_contact).
 template <int Dim>
 double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
                      const SolidsAtCones<Dim>& solids, const Array<int>& nodes,
                      const Array<NodeVec<Dim>>& velocity, const FreeBodies<Dim>& bodies,
-                     const Vec<Dim>& gravity) {
+                     const Vec<Dim>& gravity, const Execution& execution, Array<double>& partials) {
   const Grid<Dim>& grid = bounds.grid;
-  double rate = cfl / largest; // cells a second
-  for (const int node : nodes)
-    for (int a = 0; a < Dim; ++a) {
-      const double speed = std::abs(velocity[node][a]) + std::abs(gravity[a]) * largest;
-      rate = std::max(rate, speed * grid.inverse_spacing()[a]);
-    }
+  const auto larger = [](double a, double b) { return std::max(a, b); };
+  double rate = execution.reduce( // cells a second
+      std::ssize(nodes), partials, cfl / largest,
+      [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        double fastest = 0;
+        for (std::ptrdiff_t k = begin; k < end; ++k)
+          for (int a = 0; a < Dim; ++a) {
+            const double speed = std::abs(velocity[nodes[k]][a]) + std::abs(gravity[a]) * largest;
+            fastest = std::max(fastest, speed * grid.inverse_spacing()[a]);
+          }
+        return fastest;
+      },
+      larger);
   for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
     solids.for_each_node_near(grid, o, [&](int node) {
       const Vec<Dim> x = grid.node_position(node);

@@ -3,6 +3,7 @@
 
 #include "talus/boundary/faces.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
@@ -14,6 +15,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
 
 /// \file
 /// Force and torque on all that bounds the material.
@@ -55,7 +57,7 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
 
 /// Gives the momentum of a node to the faces that hold it. Where several faces that stick meet,
 /// they share the tangential force of their common nodes. inverse_mass: the node's, 0 where held;
-/// wrenches: by source.
+/// wrenches: by boundary id.
 template <int Dim>
 void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec<Dim>& inverse_mass,
                           const Vec<Dim>& momentum, Array<Wrench<Dim>>& wrenches) {
@@ -63,46 +65,53 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
   for (int a = 0; a < Dim; ++a) {
     if (inverse_mass[a] != 0)
       continue;
-    SmallArray<int, Dim> sources;
+    SmallArray<int, Dim> faces;
     int count = 0;
     bool normal = false;
     for_each_face(bounds.grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
       const bool holds = face.kind == FaceKind::no_slip || face.kind == FaceKind::free_slip;
       if (holds && axis == a) {
-        sources[0] = bounds.face_id(axis, upper);
+        faces[0] = bounds.face_id(axis, upper);
         count = 1;
         normal = true;
       } else if (!normal && face.kind == FaceKind::no_slip) {
-        sources[count++] = bounds.face_id(axis, upper);
+        faces[count++] = bounds.face_id(axis, upper);
       }
     });
     Vec<Dim> share = Vec<Dim>::Zero();
     if (count > 0)
       share[a] = momentum[a] / count;
     for (int k = 0; k < count; ++k)
-      wrenches[sources[k]].add(bounds.grid.node_position(index), share);
+      wrenches[faces[k]].add(bounds.grid.node_position(index), share);
   }
 }
 
 /// What every face, obstacle and body feels, the mean over the step: the impulses of its contacts,
 /// and on faces that stick or slip the momentum that the nodes on them would have without them.
-/// wrenches: #sources, by source.
+/// held_momentum: workspace; wrenches: by boundary id.
 template <int Dim>
 void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step,
+                      const Execution& execution, Array<Vec<Dim>>& held_momentum,
                       Array<Wrench<Dim>>& wrenches) {
   const DualProblem<Dim>& problem = step.problem;
+  const auto is_held = [&](int node) {
+    bool held = false;
+    for (int a = 0; a < Dim; ++a)
+      held = held || problem.inverse_mass[node][a] == 0;
+    return held;
+  };
+  held_momentum.resize(problem.cones());
+  execution.for_each(std::ssize(problem.node), [&](std::ptrdiff_t i) {
+    if (is_held(problem.node[i]))
+      held_momentum[i] = momentum_if_free(step, problem.node[i]);
+  });
   std::fill(wrenches.begin(), wrenches.end(), Wrench<Dim>());
   const auto add_if_held = [&](int node, const Vec<Dim>& momentum) {
     add_to_holding_faces(bounds, node, problem.inverse_mass[node], momentum, wrenches);
   };
-  for (const int node : problem.node) {
-    const NodeVec<Dim>& inverse_mass = problem.inverse_mass[node];
-    bool held = false;
-    for (int a = 0; a < Dim; ++a)
-      held = held || inverse_mass[a] == 0;
-    if (held)
-      add_if_held(node, momentum_if_free(step, node));
-  }
+  for (std::size_t i = 0; i < problem.cones(); ++i)
+    if (is_held(problem.node[i]))
+      add_if_held(problem.node[i], held_momentum[i]);
   for (const Contact<Dim>& contact : problem.contacts) {
     wrenches[contact.boundary_id].add(bounds.grid.node_position(contact.node), -contact.impulse);
     add_if_held(contact.node, contact.impulse);

@@ -2,17 +2,14 @@
 #pragma once
 
 #include "talus/core/array.hpp"
-#include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/particles.hpp"
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <functional>
 #include <iterator>
-#include <limits>
 #include <numeric>
 #include <utility>
 #include <vector>
@@ -27,11 +24,8 @@ template <int Dim>
 class CellOrder {
  public:
   /// Lists `particles`, which must be in the box; may change their order.
-  /// Throws std::invalid_argument if there are 2^32 particles or more.
   template <class Real>
   void update(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const Execution& execution) {
-    if (particles.size() > std::numeric_limits<std::uint32_t>::max())
-      throw_invalid("the number of particles", particles.size(), "below 2^32");
     list(particles, grid, execution);
     const std::size_t misplaced = execution.reduce(
         std::ssize(cell_), partials_, std::size_t{0},
@@ -46,7 +40,7 @@ class CellOrder {
     if (16 * misplaced > particles.size()) {
       reorder(particles, execution);
       execution.for_ranges(std::ssize(order_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-        std::iota(order_.begin() + begin, order_.begin() + end, static_cast<std::uint32_t>(begin));
+        std::iota(order_.begin() + begin, order_.begin() + end, static_cast<std::size_t>(begin));
       });
     }
   }
@@ -103,7 +97,7 @@ class CellOrder {
     sum_counts(cells, execution);
     for_each_part(execution, [&](const Part& part) {
       for (std::size_t p = part.begin; p < part.end; ++p)
-        order_[next(part, cell_[p])++] = static_cast<std::uint32_t>(p);
+        order_[next(part, cell_[p])++] = p;
     });
   }
 
@@ -120,7 +114,7 @@ class CellOrder {
     execution.for_each(std::ssize(parts_), [&](std::ptrdiff_t t) { body(parts_[t]); });
   }
 
-  std::uint32_t& next(const Part& part, int cell) {
+  std::size_t& next(const Part& part, int cell) {
     return next_[part.counts + static_cast<std::size_t>(cell - part.first_cell)];
   }
 
@@ -139,17 +133,17 @@ class CellOrder {
     };
     sums_.assign(static_cast<std::size_t>(ranges) + 1, 0);
     execution.for_each(ranges, [&](std::ptrdiff_t r) {
-      std::uint32_t sum = 0;
+      std::size_t sum = 0;
       for_each_count(
-          r, [](int) {}, [&](std::uint32_t count) { sum += count; });
+          r, [](int) {}, [&](std::size_t count) { sum += count; });
       sums_[static_cast<std::size_t>(r) + 1] = sum;
     });
     std::partial_sum(sums_.begin(), sums_.end(), sums_.begin());
     execution.for_each(ranges, [&](std::ptrdiff_t r) {
-      std::uint32_t sum = sums_[r];
+      std::size_t sum = sums_[r];
       for_each_count(
           r, [&](int c) { begin_[c] = sum; },
-          [&](std::uint32_t& count) { sum += std::exchange(count, sum); });
+          [&](std::size_t& count) { sum += std::exchange(count, sum); });
     });
     begin_[cells] = sums_.back();
   }
@@ -204,10 +198,10 @@ class CellOrder {
 
   Array<int> cell_; ///< of each particle
   Array<Part> parts_;
-  Array<std::uint32_t> begin_, next_; ///< #cells + 1, about #cells
-  Array<std::uint32_t> sums_;         ///< #ranges of cells + 1
+  Array<std::size_t> begin_, next_; ///< #cells + 1, about #cells
+  Array<std::size_t> sums_;         ///< #ranges of cells + 1
   Array<std::size_t> partials_;
-  Array<std::uint32_t> order_; ///< #p
+  Array<std::size_t> order_; ///< #p
   Array<char> moved_;
 };
 
