@@ -14,6 +14,8 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cstddef>
 #include <functional>
 #include <iterator>
@@ -134,8 +136,9 @@ TEST_CASE("ranges of equal weight cover each item once") {
     execution.for_balanced(count, weight, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       for (std::ptrdiff_t i = begin; i < end; ++i)
         ++visits[static_cast<std::size_t>(i)];
-      // no more than its share and the item that crosses its end
-      CHECK(weight(end - 1) - weight(begin) <= weight(count) / threads + 1);
+      // no more than its share and the item that crosses its end; no more ranges than items
+      const std::ptrdiff_t ranges = std::min<std::ptrdiff_t>(threads, count);
+      CHECK(weight(end - 1) - weight(begin) <= weight(count) / ranges + 1);
     });
     CHECK(std::ranges::count(visits, 1) == count);
   }
@@ -144,29 +147,58 @@ TEST_CASE("ranges of equal weight cover each item once") {
   CHECK(visits == 0);
 }
 
-TEST_CASE("a team works through the same calls, and all get the same sum") {
-  for (const int threads : {1, 2, 5}) {
-    Array<double> partials, values(1000, 0), sums(static_cast<std::size_t>(threads), 0);
-    Execution(threads).team([&](const Team& team) {
-      for (int round = 0; round < 50; ++round)
-        team.for_ranges(1000, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-          for (std::ptrdiff_t i = begin; i < end; ++i) // what another thread wrote last time
-            values[static_cast<std::size_t>(i)] += static_cast<double>((i + round) % 7);
-        });
-      sums[static_cast<std::size_t>(team.rank())] = team.reduce(
-          1000, partials, 0.0,
-          [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-            double sum = 0;
-            for (std::ptrdiff_t i = begin; i < end; ++i)
-              sum += values[static_cast<std::size_t>(i)];
-            return sum;
-          },
-          std::plus<>());
-    });
-    for (const double sum : sums)
-      CHECK(sum == sums[0]);
-    CHECK(sums[0] > 0);
+TEST_CASE("loop after loop sees what other threads wrote, and each item once") {
+  constexpr std::ptrdiff_t count = 97;
+  std::vector<double> expected(count, 0);
+  for (std::ptrdiff_t round = 0; round < 2000; ++round)
+    for (std::ptrdiff_t i = 0; i < count; ++i)
+      expected[static_cast<std::size_t>(i)] += static_cast<double>((i + round) % 7);
+  for (const int threads : {1, 2, 5, 40}) {
+    CAPTURE(threads);
+    const Execution execution(threads);
+    Array<double> values(count, 0), next(count, 0);
+    for (std::ptrdiff_t round = 0; round < 2000; ++round) {
+      execution.for_each(count, [&](std::ptrdiff_t i) {
+        next[count - 1 - i] = values[i] + static_cast<double>((i + round) % 7);
+      });
+      execution.for_each(count, [&](std::ptrdiff_t i) { values[i] = next[count - 1 - i]; });
+    }
+    CHECK(values == expected);
   }
+}
+
+TEST_CASE("a thread that is kept from its work is waited for, then done without for a while") {
+  const Execution execution(3);
+  const auto caller = std::this_thread::get_id();
+  std::vector<int> visits(50, 0);
+  const auto loop = [&](std::chrono::milliseconds late) {
+    std::atomic<bool> slept = false;
+    std::vector<std::thread::id> who(visits.size());
+    execution.for_each(std::ssize(visits), [&](std::ptrdiff_t i) {
+      const auto item = static_cast<std::size_t>(i);
+      ++visits[item];
+      who[item] = std::this_thread::get_id();
+      if (who[item] != caller) {
+        if (late.count() > 0 && !slept.exchange(true))
+          std::this_thread::sleep_for(late);
+      } else {
+        std::this_thread::sleep_for(std::chrono::microseconds(20)); // so that others come
+      }
+    });
+    return std::ranges::count(who, caller) == std::ssize(who);
+  };
+  bool alone = true;
+  for (int tries = 0; alone && tries < 200; ++tries) // until a helper has come and been late
+    alone = loop(std::chrono::milliseconds(0));
+  CHECK(!alone);
+  const int before = visits[0];
+  int rounds = 0;
+  do
+    ++rounds;
+  while (loop(std::chrono::milliseconds(60)) && rounds < 200);
+  CHECK(loop(std::chrono::milliseconds(0))); // a second later it would have help again
+  for (const int n : visits)
+    CHECK(n == before + rounds + 1);
 }
 
 TEST_CASE("copies have threads of their own and may loop side by side") {

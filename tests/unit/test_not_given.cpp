@@ -81,7 +81,7 @@ void check_scene() {
             params.faces.lower[a] = fresh.faces.lower[a];
           }) ==
           "faces.lower." + std::string(1, axes[a]) +
-              " is not given; allowed: FaceKind::no_slip, slip, free, frictional or periodic; "
+              " is not given; allowed: FaceKind::no_slip, free_slip, open, frictional or periodic; "
               "it has no "
               "default");
     CHECK(without<Dim>([a](auto& params, const auto&) {

@@ -9,6 +9,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -127,6 +128,7 @@ void all_hold() {
   }
   {
     Scene<Dim> s;
+    s.params.packing.densest = std::numeric_limits<double>::infinity();
     s.fill(0.2, 2, 2);
     holds("overpacked by two", s);
   }

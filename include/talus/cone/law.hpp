@@ -4,7 +4,6 @@
 #include "talus/core/types.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -23,17 +22,6 @@ struct CoulombLaw {};
 /// \f[ K_μ ∋ λ ⊥ \tilde γ ∈ K_{1/μ}, \quad \tilde γ = γ + s\, e_N, \quad s = μ |γ_T|; \f]
 /// with this s it is Coulomb's law (de Saxcé); with s frozen it is convex. Callers put s into b_N.
 struct AssociatedLaw {};
-
-/// e_K. From memory, so that sums with it work on whole registers.
-template <int N, class Scalar, int K>
-Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned> basis_vector() {
-  static constexpr auto values = [] {
-    std::array<Scalar, static_cast<std::size_t>(N)> e{};
-    e[static_cast<std::size_t>(K)] = 1;
-    return e;
-  }();
-  return Eigen::Map<const Vec<N, Scalar>, Eigen::Unaligned>(values.data());
-}
 
 /// |x_T|, without overflow on the way. x: N.
 template <int N, class Scalar>

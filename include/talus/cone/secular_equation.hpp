@@ -45,7 +45,7 @@ struct SecularForm {
   Real scale{};                                                    ///< tr W / N; 0: no W at all
 };
 
-/// The outcome of solve_secular.
+/// How the search for a solution ended.
 template <class Real>
 struct SecularOutcome {
   typename Lanes<Real>::Mask open{}, stick{};

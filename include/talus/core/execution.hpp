@@ -6,7 +6,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <limits>
 #include <memory>
@@ -29,6 +31,8 @@ inline int available_threads() {
 namespace detail {
 
 constexpr std::ptrdiff_t chunk = 256; ///< items of a partial sum
+constexpr int most_threads = 1024;
+constexpr int pieces_a_thread = 8; ///< of a loop: what is left to others when one is late
 
 /// Where part `part` of `parts` of [0, count) begins, so that all weigh about the same.
 /// before(i): the weight of all items below i, an integer.
@@ -71,31 +75,17 @@ class FirstException {
   std::exception_ptr exception_;
 };
 
-/// Waits until `value` is no longer `old`, and returns what it is: busily for some microseconds,
-/// which most waits in a solve take, then asleep, so that a busy machine's other programs, or the
-/// thread that all wait for, can have the core.
-template <class T>
-T wait_for_change(const std::atomic<T>& value, T old) {
-  constexpr int busy = 20000; // loads
-  for (int k = 0; k < busy; ++k)
-    if (const T now = value.load(std::memory_order_acquire); now != old)
-      return now;
-  while (true) {
-    value.wait(old, std::memory_order_acquire);
-    if (const T now = value.load(std::memory_order_acquire); now != old)
-      return now;
-  }
-}
-
-/// Threads that wait for work. One thread at a time may call run().
+/// Threads that help with loops. The thread that calls run() goes through its share of the pieces
+/// and then takes what others have not begun, so it waits only for what another is at, never for
+/// one to come: on a busy machine a thread that gets no core is not missed.
 class ThreadPool {
  public:
   /// size: with the thread that calls run(), >= 1. Throws std::system_error if the system gives no
   /// more threads.
-  explicit ThreadPool(int size) : size_(size) {
+  explicit ThreadPool(int size) : parts_(static_cast<std::size_t>(size)) {
     try {
       for (int rank = 1; rank < size; ++rank)
-        threads_.emplace_back([this, rank] { work(rank); });
+        threads_.emplace_back([this, rank] { help(rank); });
     } catch (...) {
       stop();
       throw;
@@ -105,131 +95,140 @@ class ThreadPool {
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  int size() const { return size_; }
+  int size() const { return static_cast<int>(parts_.size()); }
 
-  /// Calls body(rank) once for each rank below size(), on a thread each; it must not throw.
+  /// Calls body(piece) once for each piece below `pieces`; it must not throw. One thread at a time
+  /// may call this.
   template <class Body>
-  void run(const Body& body) {
+  void run(unsigned pieces, const Body& body) {
+    const auto begin = Clock::now();
+    if (begin < alone_until_) {
+      for (unsigned piece = 0; piece < pieces; ++piece)
+        body(piece);
+      return;
+    }
     body_ = &body;
-    call_ = [](const void* any, int rank) noexcept { (*static_cast<const Body*>(any))(rank); };
-    at_work_.store(size_ - 1, std::memory_order_relaxed);
-    round_.fetch_add(1, std::memory_order_release);
-    round_.notify_all();
-    call_(body_, 0);
-    for (int left = at_work_.load(std::memory_order_acquire); left > 0;)
-      left = wait_for_change(at_work_, left);
+    call_ = [](const void* any, unsigned piece) noexcept {
+      (*static_cast<const Body*>(any))(piece);
+    };
+    const std::size_t parts = parts_.size();
+    for (std::size_t p = 0; p < parts; ++p)
+      parts_[p].pieces.store(range(pieces * p / parts, pieces * (p + 1) / parts),
+                             std::memory_order_relaxed);
+    round_ += one_round;
+    state_.store(round_ | open, std::memory_order_release);
+    state_.notify_all();
+    work(0);
+    close(begin);
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
+
+  /// The pieces of a thread that nobody has taken: first, and behind the last, in 32 bits each.
+  struct alignas(64) Part {
+    std::atomic<std::uint64_t> pieces{0};
+  };
+  static std::uint64_t range(std::uint64_t first, std::uint64_t end) { return first << 32U | end; }
+
+  // state_: the round, whether its loop is open to helpers, and how many are in it.
+  static constexpr unsigned one_round = 1U << 12U, open = 1U << 11U, helpers = open - 1;
+
+  /// Takes pieces until there are none: its own from the first on, those of others from the last.
   void work(int rank) {
-    unsigned round = 0;
-    while (true) {
-      round = wait_for_change(round_, round);
-      if (!call_)
-        return;
-      call_(body_, rank);
-      if (at_work_.fetch_sub(1, std::memory_order_acq_rel) == 1)
-        at_work_.notify_one();
+    const int parts = size();
+    for (int k = 0; k < parts; ++k) {
+      std::atomic<std::uint64_t>& pieces = parts_[(rank + k) % parts].pieces;
+      std::uint64_t left = pieces.load(std::memory_order_relaxed);
+      while (true) {
+        const std::uint64_t first = left >> 32U, end = left & 0xffffffffU;
+        if (first == end)
+          break;
+        if (pieces.compare_exchange_weak(left,
+                                         k == 0 ? range(first + 1, end) : range(first, end - 1),
+                                         std::memory_order_relaxed)) {
+          call_(body_, static_cast<unsigned>(k == 0 ? first : end - 1));
+          left = pieces.load(std::memory_order_relaxed);
+        }
+      }
     }
   }
+
+  /// Waits for the helpers that are at work and lets no more in. If that takes longer than all
+  /// before it, a core was busy with something else: then work goes on alone for a while.
+  void close(Clock::time_point begin) {
+    unsigned expected = round_ | open;
+    if (state_.compare_exchange_strong(expected, round_, std::memory_order_acq_rel))
+      return;
+    const auto worked = Clock::now();
+    do {
+      if (expected != (round_ | open))
+        wait_while(expected);
+      expected = round_ | open;
+    } while (!state_.compare_exchange_strong(expected, round_, std::memory_order_acq_rel));
+    const auto waited = Clock::now() - worked;
+    if (waited > std::max<Clock::duration>(worked - begin, std::chrono::milliseconds(1)))
+      alone_until_ = worked + 16 * waited;
+  }
+
+  void help(int rank) {
+    unsigned last = 0;
+    while (true) {
+      unsigned state = state_.load(std::memory_order_acquire);
+      if (state == stopped)
+        return;
+      if ((state & open) == 0 || (state & ~(open | helpers)) == last) {
+        wait_while(state);
+        continue;
+      }
+      if (!state_.compare_exchange_weak(state, state + 1, std::memory_order_acquire))
+        continue;
+      last = state & ~(open | helpers);
+      work(rank);
+      if ((state_.fetch_sub(1, std::memory_order_release) & helpers) == 1)
+        state_.notify_all();
+    }
+  }
+
+  /// Waits until the state is no longer `old`: busily for some microseconds, which most waits take,
+  /// then asleep, so that other programs can have the core.
+  void wait_while(unsigned old) const {
+    constexpr int busy = 20000; // loads
+    for (int k = 0; k < busy; ++k)
+      if (state_.load(std::memory_order_acquire) != old)
+        return;
+    state_.wait(old, std::memory_order_acquire);
+  }
+
   void stop() {
-    call_ = nullptr;
-    round_.fetch_add(1, std::memory_order_release);
-    round_.notify_all();
+    state_.store(stopped, std::memory_order_release);
+    state_.notify_all();
     for (std::thread& thread : threads_)
       thread.join();
   }
 
-  int size_;
+  static constexpr unsigned stopped = ~0U & ~open; // no round has so many helpers
+
   const void* body_ = nullptr;
-  void (*call_)(const void*, int) noexcept = nullptr;
-  std::atomic<unsigned> round_{0};
-  std::atomic<int> at_work_{0};
+  void (*call_)(const void*, unsigned) noexcept = nullptr;
+  unsigned round_ = 0;
+  Clock::time_point alone_until_{};
+  Array<Part> parts_; // one a thread
+  std::atomic<unsigned> state_{0};
   std::vector<std::thread> threads_;
 };
 
 } // namespace detail
 
-/// The threads that work on one task together, see Execution::team. All of them must come to the
-/// same calls in the same order; each call returns when all have done their part.
-class Team {
- public:
-  /// Where threads wait for each other.
-  struct Meeting {
-    std::atomic<int> arrived{0};
-    std::atomic<unsigned> round{0};
-  };
-
-  Team(int rank, int size, Meeting& meeting) : rank_(rank), size_(size), meeting_(meeting) {}
-
-  int rank() const { return rank_; }
-  int size() const { return size_; }
-
-  /// Waits until all threads are here.
-  void wait() const {
-    if (size_ == 1)
-      return;
-    const unsigned round = meeting_.round.load(std::memory_order_relaxed);
-    if (meeting_.arrived.fetch_add(1, std::memory_order_acq_rel) + 1 == size_) {
-      meeting_.arrived.store(0, std::memory_order_relaxed);
-      meeting_.round.store(round + 1, std::memory_order_release);
-      meeting_.round.notify_all();
-    } else {
-      detail::wait_for_change(meeting_.round, round);
-    }
-  }
-
-  /// Calls body(begin, end) on one range of [0, count) a thread, of about equal weight.
-  /// before(i): the weight of all items below i, 0 ≤ i ≤ count; an integer that does not fall.
-  template <class Before, class Body>
-  void for_balanced(std::ptrdiff_t count, const Before& before, const Body& body) const {
-    const std::ptrdiff_t begin = detail::part_begin(count, before, rank_, size_);
-    const std::ptrdiff_t end = detail::part_begin(count, before, rank_ + 1, size_);
-    if (begin < end)
-      body(begin, end);
-    wait();
-  }
-
-  /// The same with items of equal weight.
-  template <class Body>
-  void for_ranges(std::ptrdiff_t count, const Body& body) const {
-    for_balanced(
-        count, [](std::ptrdiff_t i) { return i; }, body);
-  }
-
-  /// As Execution::reduce; every thread gets the result.
-  template <class Value, class Term, class Combine>
-  Value reduce(std::ptrdiff_t count, Array<Value>& partials, Value start, const Term& term,
-               const Combine& combine) const {
-    const std::ptrdiff_t chunks = (count + detail::chunk - 1) / detail::chunk;
-    if (rank_ == 0)
-      partials.resize(static_cast<std::size_t>(chunks));
-    wait();
-    for_ranges(chunks, [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-      for (std::ptrdiff_t c = begin; c < end; ++c)
-        partials[c] = term(c * detail::chunk, std::min(count, (c + 1) * detail::chunk));
-    });
-    Value total = start;
-    for (const Value& partial : partials)
-      total = combine(total, partial);
-    wait(); // before another call changes the partials
-    return total;
-  }
-
- private:
-  int rank_, size_;
-  Meeting& meeting_;
-};
-
 /// Where and how loops run. A copy has threads of its own, so that copies of a simulation may step
 /// side by side; no loop may run in another.
 class Execution {
  public:
-  /// Throws std::invalid_argument if threads < 1, std::system_error if the system gives no more
-  /// threads.
+  /// Throws std::invalid_argument if threads is not in 1..1024, std::system_error if the system
+  /// gives no more threads.
   explicit Execution(int threads = 1) {
-    if (threads < 1)
-      throw_invalid("threads", threads, "an integer >= 1");
+    if (threads < 1 || threads > detail::most_threads)
+      throw_invalid("threads", threads, "an integer in 1..1024");
     if (threads > 1)
       pool_ = std::make_unique<detail::ThreadPool>(threads);
   }
@@ -241,20 +240,10 @@ class Execution {
 
   int threads() const { return pool_ ? pool_->size() : 1; }
 
-  /// Calls body(team) on all threads at once. The body must not throw: the others would wait for
-  /// ever, so the program ends.
-  template <class Body>
-  void team(const Body& body) const {
-    Team::Meeting meeting;
-    if (pool_)
-      pool_->run([&](int rank) { body(Team(rank, pool_->size(), meeting)); });
-    else
-      body(Team(0, 1, meeting));
-  }
-
-  /// Calls body(begin, end) on one range of [0, count) a thread, of about equal weight, see
-  /// Team::for_balanced. If some throw, the exception of the lowest range arrives at the caller,
-  /// so that of the lowest item if a range is gone through in order.
+  /// Calls body(begin, end) on ranges that make up [0, count), some for each thread, of about equal
+  /// weight. before(i): the weight of all items below i, 0 ≤ i ≤ count; an integer that does not
+  /// fall. If some throw, the exception of the lowest range arrives at the caller, so that of the
+  /// lowest item if a range is gone through in order.
   template <class Before, class Body>
   void for_balanced(std::ptrdiff_t count, const Before& before, const Body& body) const {
     if (count <= 0)
@@ -263,15 +252,18 @@ class Execution {
       body(std::ptrdiff_t{0}, count);
       return;
     }
+    const int pieces =
+        static_cast<int>(std::min<std::ptrdiff_t>(count, detail::pieces_a_thread * pool_->size()));
     detail::FirstException first;
-    pool_->run([&](int part) {
+    pool_->run(static_cast<unsigned>(pieces), [&](unsigned number) {
+      const int piece = static_cast<int>(number);
       try {
-        const std::ptrdiff_t begin = detail::part_begin(count, before, part, pool_->size());
-        const std::ptrdiff_t end = detail::part_begin(count, before, part + 1, pool_->size());
+        const std::ptrdiff_t begin = detail::part_begin(count, before, piece, pieces);
+        const std::ptrdiff_t end = detail::part_begin(count, before, piece + 1, pieces);
         if (begin < end)
           body(begin, end);
       } catch (...) {
-        first.keep(part);
+        first.keep(piece);
       }
     });
     first.rethrow();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 
@@ -36,8 +37,8 @@ class PeriodicNodes {
   bool any() const { return !copies_.empty(); }
 
   /// Gives the copies the owners' values.
-  template <class Value, class AnyExecution>
-  void copy(Array<Value>& field, const AnyExecution& execution) const {
+  template <class Value>
+  void copy(Array<Value>& field, const Execution& execution) const {
     if (any())
       execution.for_ranges(static_cast<std::ptrdiff_t>(copies_.size()),
                            [&](std::ptrdiff_t begin, std::ptrdiff_t end) {

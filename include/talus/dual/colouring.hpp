@@ -139,9 +139,9 @@ void collect_cones(const BlockOrder<Dim>& order, const Carries& carries, const E
 }
 
 /// Calls visit(block) for all blocks, one colour after the other; those of one colour at once, on
-/// threads that have about as many cones each. execution: an Execution or a Team.
-template <int Dim, class AnyExecution, class Visit>
-void for_each_block(const DualProblem<Dim>& problem, const AnyExecution& execution,
+/// threads that have about as many cones each.
+template <int Dim, class Visit>
+void for_each_block(const DualProblem<Dim>& problem, const Execution& execution,
                     const Visit& visit) {
   for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
     const std::size_t first = problem.colour_begin[colour];
@@ -160,8 +160,8 @@ void for_each_block(const DualProblem<Dim>& problem, const AnyExecution& executi
 }
 
 /// Calls visit(cone) for all cones; those that share a neighbour never at once.
-template <int Dim, class AnyExecution, class Visit>
-void for_each_cone(const DualProblem<Dim>& problem, const AnyExecution& execution,
+template <int Dim, class Visit>
+void for_each_cone(const DualProblem<Dim>& problem, const Execution& execution,
                    const Visit& visit) {
   for_each_block(problem, execution, [&](std::size_t b) {
     for (std::size_t i = problem.blocks[b].cone_begin; i < problem.blocks[b].cone_end; ++i)

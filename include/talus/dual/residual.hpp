@@ -36,10 +36,8 @@ template <int Dim>
 class ResidualMeter {
  public:
   /// inverse_scales: 1/w_i, #cones, kg/m^(2d-2).
-  /// execution: an Execution, or the Team that all of its threads call this with.
-  template <class AnyExecution>
   Residual operator()(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                      const Array<double>& inverse_scales, const AnyExecution& execution) {
+                      const Array<double>& inverse_scales, const Execution& execution) {
     constexpr int n = symmetric_size<Dim>;
     const double speed2 = problem.velocity_scale * problem.velocity_scale;
     Sums sums = execution.reduce(

@@ -92,12 +92,7 @@ class GaussSeidel {
     const auto start = std::chrono::steady_clock::now();
     const Stencil<Dim> stencil(problem.grid);
     prepare(problem, stencil, workspace, execution);
-    SolveReport report;
-    execution.team([&](const Team& team) {
-      const SolveReport of_all = iterate(problem, stencil, workspace, team);
-      if (team.rank() == 0)
-        report = of_all;
-    });
+    SolveReport report = iterate(problem, stencil, workspace, execution);
     if (report.iterations > 0)
       for (const std::size_t misses : workspace.misses)
         report.local_failures += misses;
@@ -163,14 +158,12 @@ class GaussSeidel {
                          });
   }
 
-  /// The iterations. All threads of the team go through them, and take the same decisions.
   template <int Dim>
   SolveReport iterate(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                      Workspace<Dim>& workspace, const Team& team) const {
+                      Workspace<Dim>& workspace, const Execution& execution) const {
     SolveReport report;
     const auto measure = [&] {
-      report.residual = workspace.meter(problem, stencil, workspace.inverse_scale, team);
-      team.wait(); // before anything moves that others still read
+      report.residual = workspace.meter(problem, stencil, workspace.inverse_scale, execution);
       if (!report.residual.finite())
         report.status = SolveStatus::not_finite;
       else if (report.residual.l2 <= params_.tolerance)
@@ -185,7 +178,7 @@ class GaussSeidel {
     double enough = 0;
     bool unsolved = measure();
     for (int since = 1; unsolved; ++since) {
-      sweep(problem, stencil, workspace, team);
+      sweep(problem, stencil, workspace, execution);
       ++report.iterations;
       double change2 = workspace.body_change2;
       for (const double of_block : workspace.change2)
@@ -200,9 +193,7 @@ class GaussSeidel {
       if (last)
         break;
       if (unsolved && params_.extrapolation > 0)
-        extrapolate(problem, workspace, team, extrapolation.next(change));
-      else
-        team.wait(); // the next sweep writes what has just been summed
+        extrapolate(problem, workspace, execution, extrapolation.next(change));
     }
     return report;
   }
@@ -210,12 +201,10 @@ class GaussSeidel {
   /// One pass over all cones and contacts.
   template <int Dim>
   void sweep(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, Workspace<Dim>& workspace,
-             const Team& team) const {
-    for_each_block(problem, team,
+             const Execution& execution) const {
+    for_each_block(problem, execution,
                    [&](std::size_t b) { visit_block(problem, stencil, workspace, b); });
-    if (team.rank() == 0)
-      workspace.body_change2 = update_body_contacts(problem);
-    team.wait();
+    workspace.body_change2 = update_body_contacts(problem);
   }
 
   template <int Dim>
@@ -275,8 +264,8 @@ class GaussSeidel {
 
   /// From x_k to y_k; keeps x_k.
   template <int Dim>
-  static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace, const Team& team,
-                          double beta) {
+  static void extrapolate(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
+                          const Execution& execution, double beta) {
     const auto move = [&](auto& value, auto& last) {
       for (Eigen::Index k = 0; k < value.size(); ++k) {
         const double now = value[k];
@@ -289,24 +278,22 @@ class GaussSeidel {
       for (std::size_t c = 0; c < contacts.size(); ++c)
         move(contacts[c].impulse, workspace.last_impulse[first + c]);
     };
-    if (team.rank() == 0) {
-      move_contacts(problem.contacts, 0);
-      move_contacts(problem.body_contacts, problem.contacts.size());
-      for (std::size_t b = 0; b < problem.bodies.size(); ++b) {
-        move(problem.bodies[b].velocity, workspace.last_body[b].velocity);
-        move(problem.bodies[b].angular_velocity, workspace.last_body[b].angular_velocity);
-      }
+    move_contacts(problem.contacts, 0);
+    move_contacts(problem.body_contacts, problem.contacts.size());
+    for (std::size_t b = 0; b < problem.bodies.size(); ++b) {
+      move(problem.bodies[b].velocity, workspace.last_body[b].velocity);
+      move(problem.bodies[b].angular_velocity, workspace.last_body[b].angular_velocity);
     }
-    team.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()),
-                    [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                      for (std::size_t i = static_cast<std::size_t>(begin);
-                           i < static_cast<std::size_t>(end); ++i) {
-                        move(problem.stress_impulse[i], workspace.last_stress[i]);
-                        // nothing else moves
-                        move(problem.velocity[problem.node[i]], workspace.last_velocity[i]);
-                      }
-                    });
-    problem.periodic.copy(problem.velocity, team);
+    execution.for_ranges(static_cast<std::ptrdiff_t>(problem.cones()),
+                         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+                           for (std::size_t i = static_cast<std::size_t>(begin);
+                                i < static_cast<std::size_t>(end); ++i) {
+                             move(problem.stress_impulse[i], workspace.last_stress[i]);
+                             // nothing else moves
+                             move(problem.velocity[problem.node[i]], workspace.last_velocity[i]);
+                           }
+                         });
+    problem.periodic.copy(problem.velocity, execution);
   }
 
   Params params_{};

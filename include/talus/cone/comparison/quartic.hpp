@@ -4,6 +4,7 @@
 #include "talus/cone/judge.hpp"
 #include "talus/cone/law.hpp"
 #include "talus/cone/local_solver.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 
 #include <algorithm>
@@ -41,7 +42,10 @@ class QuarticSolver {
   };
 
   QuarticSolver() = default;
-  explicit QuarticSolver(const Params& params) : params_(params) {}
+  /// Throws std::invalid_argument if the tolerance is out of range.
+  explicit QuarticSolver(const Params& params) : params_(params) {
+    require_positive("solver.local.tolerance", params_.tolerance);
+  }
 
   template <class Law, int N, class Scalar>
   Prepared<Law, N, Scalar> prepare(Law, const Mat<N, Scalar>& w, Scalar friction) const {
