@@ -43,7 +43,7 @@ struct SmallArray {
   constexpr const T* begin() const { return values; }
   constexpr const T* end() const { return values + N; }
   static constexpr int size() { return N; }
-  friend constexpr bool operator==(const SmallArray&, const SmallArray&) = default;
+  friend bool operator==(const SmallArray&, const SmallArray&) = default;
 };
 
 } // namespace talus
