@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include <doctest/doctest.h>
+
+namespace support {
+
+/// Equal to `value` but for a relative error. doctest::Approx allows the error times (1 + |value|):
+/// to it, 0 is 0.01 to 10 %. Nothing is about 0.
+inline doctest::Approx about(double value, double error = 1e-12) {
+  return doctest::Approx(value).epsilon(error).scale(0);
+}
+
+} // namespace support
