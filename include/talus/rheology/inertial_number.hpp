@@ -31,9 +31,10 @@ struct InertialNumber {
   double operator()(double strain_rate, double pressure) const {
     if (!(strain_rate > 0))
       return 0;
-    if (!(pressure > 0))
+    const double speed2 = pressure / density;
+    if (!(speed2 > 0)) // also by underflow, or 0/0 would follow
       return std::numeric_limits<double>::infinity();
-    return grain_diameter * strain_factor * strain_rate / std::sqrt(pressure / density);
+    return grain_diameter * strain_factor * strain_rate / std::sqrt(speed2);
   }
 };
 
