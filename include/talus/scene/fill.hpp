@@ -144,7 +144,8 @@ std::size_t fill_bed(Particles<Dim, Real>& particles, const Grid<Dim>& grid, dou
 /// The volumes sum up to that of the region as measured with 4 points along each edge of a share:
 /// exact to rounding where the region's faces lie on the lattice, to about 1e-3 for balls and boxes
 /// ten shares across that have a distance (tested), to about a tenth of a share at the surface
-/// without.
+/// without. A face that cuts less than an eighth off a layer of shares leaves that out: no particle
+/// has room there.
 ///
 /// Returns the number added. Throws std::invalid_argument if a parameter is out of range, if the
 /// region is empty, outside of the grid or too thin to hold a particle, holds particles already, or
