@@ -13,6 +13,8 @@
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/transfer/schemes.hpp"
 
+#include "../support/about.hpp"
+
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -22,6 +24,7 @@
 #include <vector>
 
 using namespace talus;
+using support::about;
 
 namespace {
 
@@ -75,10 +78,10 @@ TEST_CASE("profile, front and volume are there after the first step, and refused
   CHECK_THROWS_AS(volume_under_surface(sim), std::invalid_argument);
   REQUIRE(sim.step().completed());
   const Profile profile = measure_profile(sim);
-  CHECK(profile.height[15] == doctest::Approx(0.1).epsilon(0.06)); // half a cell
+  CHECK(profile.height[15] == about(0.1, 0.06)); // half a cell
   CHECK(profile.height[5] == 0);
   CHECK(std::abs(front_position(profile, 0.01) - 0.2) < 0.01);
-  CHECK(volume_under_surface(sim) == doctest::Approx(0.01).epsilon(0.1));
+  CHECK(volume_under_surface(sim) == about(0.01, 0.1));
 }
 
 TEST_CASE("profile, front and volume of sand on an obstacle, next to nothing and next to sand") {
@@ -95,13 +98,13 @@ TEST_CASE("profile, front and volume of sand on an obstacle, next to nothing and
   for (int step = 0; step < 3; ++step) {
     REQUIRE(sim.step().completed());
     const Profile profile = measure_profile(sim);
-    CHECK(profile.base[10] == doctest::Approx(0.05).epsilon(0.21)); // a cell
-    CHECK(profile.height[10] == doctest::Approx(0.15).epsilon(0.04));
+    CHECK(profile.base[10] == about(0.05, 0.21)); // a cell
+    CHECK(profile.height[10] == about(0.15, 0.04));
     CHECK(profile.static_height[10] >= profile.base[10]);
     CHECK(profile.static_height[10] <= profile.height[10]);
     CHECK(profile.height[30] == 0);
     CHECK(std::abs(front_position(profile, 0.06) - 0.2) < 0.01);
-    CHECK(volume_under_surface(sim) == doctest::Approx(volume).epsilon(0.12));
+    CHECK(volume_under_surface(sim) == about(volume, 0.12));
   }
 }
 
@@ -112,7 +115,7 @@ TEST_CASE("the profile of a channel is that of its middle, and of another row if
   Sim<3> sim(params, sand);
   REQUIRE(sim.step().completed());
   const Profile middle = measure_profile(sim), wall = measure_profile(sim, 0);
-  CHECK(middle.height[10] == doctest::Approx(0.1).epsilon(0.06));
+  CHECK(middle.height[10] == about(0.1, 0.06));
   CHECK(measure_profile(sim, middle_row).height == middle.height);
   CHECK(measure_profile(sim, 2).height == middle.height);
   CHECK(wall.height[10] == 0);
@@ -209,7 +212,7 @@ TEST_CASE("particles on faces, edges and nodes count once, and one beyond by rou
   for (int i = 0; i <= 3; ++i)
     for (int k = 0; k <= 2; ++k)
       volume += sim.volume_fraction({i, k}) * sim.grid().node_volume({i, k});
-  CHECK(volume == doctest::Approx(total_volume(sand)).epsilon(1e-14));
+  CHECK(volume == about(total_volume(sand), 1e-14));
   sand.add({6 * 0.05, 0.1}, Vec<2>::Zero(), 1e-4);
   CHECK_THROWS_WITH_AS(Sim<2>(params, sand),
                        "a particle's coordinate is 0.3; allowed: a position in the box of the "

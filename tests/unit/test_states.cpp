@@ -20,6 +20,7 @@
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/transfer/schemes.hpp"
 
+#include "../support/about.hpp"
 #include "../support/files.hpp"
 
 #include <doctest/doctest.h>
@@ -35,7 +36,7 @@
 #include <vector>
 
 using namespace talus;
-using support::contains, support::Folder, support::message_of;
+using support::about, support::contains, support::Folder, support::message_of;
 
 namespace {
 
@@ -277,7 +278,7 @@ TEST_CASE("a box may start empty, be filled, run dry and be filled again") {
       CHECK(all_of(sim) == all_of(other));
       const auto profile = measure_profile(sim);
       CHECK(std::isfinite(front_position(profile, 0.01)));
-      CHECK(largest_speed(sim) >= 0);
+      CHECK(std::isfinite(largest_speed(sim)));
       write_vtk_particles<2>(folder / "a.vtp", sim.particles().position,
                              {vtk_field("pressure", at_particles(sim, [&](const auto& n) {
                                           return sim.pressure(n);
@@ -286,7 +287,7 @@ TEST_CASE("a box may start empty, be filled, run dry and be filled again") {
     const StepReport first = sim.step();
     CHECK(first.solve.status == SolveStatus::converged);
     CHECK(first.cones == 0);
-    CHECK(sim.time() == doctest::Approx(2e-3));
+    CHECK(sim.time() == 2e-3);
     save_and_go_on();
 
     for (int round = 0; round < 2; ++round) {
@@ -671,7 +672,7 @@ TEST_CASE("the report tells the Courant number and how full the fullest node is"
   params.packing = {.slack = 0.02, .dilatancy = 0};
   Sim<> sim(params, sand);
   const StepReport report = sim.step();
-  CHECK(report.courant == doctest::Approx(2e-3 / 0.02).epsilon(0.05));
+  CHECK(report.courant == about(2e-3 / 0.02, 0.05));
   CHECK(report.largest_fraction > 0.95);
   CHECK(report.largest_fraction < 1.15);
   for (double& volume : sand.volume)
@@ -732,7 +733,7 @@ TEST_CASE("with cfl an obstacle does not jump into the material, and matters onl
   params.obstacles = {plate(0.06)};
   Sim<> sim(params, sand);
   advance(sim, 1);
-  CHECK(sim.time_step() == doctest::Approx(0.25 * 0.02 / 20));
+  CHECK(sim.time_step() == about(0.25 * 0.02 / 20));
   while (sim.time() < 9e-3) // the plate's front is at 0.27 m
     advance(sim, 1);
   std::size_t behind = 0;
@@ -742,5 +743,5 @@ TEST_CASE("with cfl an obstacle does not jump into the material, and matters onl
   params.obstacles = {plate(5)};
   Sim<> gone(params, sand);
   advance(gone, 1);
-  CHECK(gone.time_step() == doctest::Approx(0.01));
+  CHECK(gone.time_step() == about(0.01));
 }
