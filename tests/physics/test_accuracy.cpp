@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Flows with a known answer: errors do not depend on the time step and fall with the cell.
 
+#include "../support/about.hpp"
 #include "../support/accuracy.hpp"
 
 #include <doctest/doctest.h>
@@ -41,7 +42,7 @@ TEST_CASE("a layer slides over its own bed as a block does, also if it is thin")
     for (const double layer : {0.006, 0.01, 0.02, 0.04}) {
       CAPTURE(layer);
       CHECK(accuracy::sliding_layer(setting(0.01, time_step), layer) ==
-            doctest::Approx(exact).epsilon(0.06));
+            support::about(exact, 0.06));
     }
   }
 }

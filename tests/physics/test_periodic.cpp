@@ -9,6 +9,7 @@
 #include "talus/io/problem_file.hpp"
 #include "talus/rheology/viscosity.hpp"
 
+#include "../support/about.hpp"
 #include "../support/files.hpp"
 
 #include <doctest/doctest.h>
@@ -209,7 +210,7 @@ TEST_CASE("periodic: an infinite slope rests just below the friction angle and r
         CHECK(largest_speed(sim) < 1e-4);
       if (above > 0)
         CHECK((mean_speed() - start) / (sim.time() - time) ==
-              doctest::Approx(g * (std::sin(angle) - mu * std::cos(angle))).epsilon(0.01));
+              support::about(g * (std::sin(angle) - mu * std::cos(angle)), 0.01));
     }
   }
 }
@@ -260,10 +261,10 @@ TEST_CASE("periodic: one, two and three cells across give the same flow, 3-D") {
     return sim.velocity({0, 0, 4})[0];
   };
   const double one = speed(1);
-  CHECK(one == doctest::Approx(0.05 * g * (std::sin(30 * degree) - 0.44 * std::cos(30 * degree)))
-                   .epsilon(0.02));
+  CHECK(one ==
+        support::about(0.05 * g * (std::sin(30 * degree) - 0.44 * std::cos(30 * degree)), 0.02));
   for (const int length : {2, 3, 5})
-    CHECK(speed(length) == doctest::Approx(one).epsilon(1e-3));
+    CHECK(speed(length) == support::about(one, 1e-3));
 }
 
 TEST_CASE("periodic: mu(I) gives Bagnold's profile, and flows as H^(3/2) at each angle") {
@@ -292,7 +293,7 @@ TEST_CASE("periodic: mu(I) gives Bagnold's profile, and flows as H^(3/2) at each
       flux += found * height / cells * (k == 0 || k == cells ? 0.5 : 1);
     }
     CHECK(worst < 0.01 * scale * std::pow(height, 1.5));
-    CHECK(flux == doctest::Approx(0.6 * scale * std::pow(height, 2.5)).epsilon(0.01));
+    CHECK(flux == support::about(0.6 * scale * std::pow(height, 2.5), 0.01));
   }
 }
 
@@ -327,8 +328,8 @@ TEST_CASE("periodic: a flow sheared by several times its length keeps its speed 
     for (std::size_t p = 0; p < sim.particles().size(); ++p)
       middle += sim.particles().volume[p] * sim.particles().position[p][1] / volume;
     CHECK(momentum(sim.particles())[0] / volume ==
-          doctest::Approx(0.6 * scale * std::pow(height, 1.5)).epsilon(0.03));
-    CHECK(middle == doctest::Approx(height / 2).epsilon(0.015));
+          support::about(0.6 * scale * std::pow(height, 1.5), 0.03));
+    CHECK(middle == support::about(height / 2, 0.015));
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Cohesion, a Newtonian part and mu(I) against what can be derived; all of one type.
 
+#include "../support/about.hpp"
 #include "scenes.hpp"
 
 #include "talus/diagnostics/checksum.hpp"
@@ -164,7 +165,7 @@ void shear_wave() {
     square += weight * wave(0.01 * z);
   }
   CHECK(rate * sim.time() > 0.9);
-  CHECK(std::log(square / product) == doctest::Approx(rate * sim.time()).epsilon(0.03));
+  CHECK(std::log(square / product) == support::about(rate * sim.time(), 0.03));
 }
 
 } // namespace
@@ -195,7 +196,7 @@ TEST_CASE("a cohesive strand carries its weight up to the strength 2 c/(1 + mu)"
     double force = 0;
     for (int i = 5; i <= 15; ++i)
       force += 0.01 * (i == 5 || i == 15 ? 0.5 : 1) * holds.stress({i, k})(1, 1);
-    CHECK(force == doctest::Approx(-density * g * 0.1 * (0.01 * k - 0.08)).epsilon(0.03));
+    CHECK(force == support::about(-density * g * 0.1 * (0.01 * k - 0.08), 0.03));
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The trends that the studies of the paper report, on the smallest grids that show them.
 
+#include "../support/about.hpp"
 #include "../support/collapse.hpp"
 #include "scenes.hpp"
 
@@ -133,7 +134,7 @@ TEST_CASE("a tall column runs out in proportion to its aspect ratio, and sinks m
     return Deposit{d.runout / setup.column_length, setup.column_height / d.height};
   };
   const Deposit low = with_ratio(1), tall = with_ratio(4);
-  CHECK(tall.runout / low.runout == doctest::Approx(4).epsilon(0.25)); // 2.0 a in the paper
+  CHECK(tall.runout / low.runout == support::about(4, 0.25)); // 2.0 a in the paper
   CHECK(tall.height > 1.5 * low.height);
 }
 
@@ -150,8 +151,8 @@ TEST_CASE("the gate's friction shows early, near the gate, and not in the deposi
   CHECK(std::abs(height_at_gate(1) - height_at_gate(0.18)) > 0.003);
   const Deposit rough = deposit(with_gate(1, 1.5), setup);
   const Deposit smooth = deposit(with_gate(0.18, 1.5), setup);
-  CHECK(rough.height == doctest::Approx(smooth.height).epsilon(0.05));
-  CHECK(rough.runout == doctest::Approx(smooth.runout).epsilon(0.05));
+  CHECK(rough.height == support::about(smooth.height, 0.05));
+  CHECK(rough.runout == support::about(smooth.runout, 0.05));
 }
 
 TEST_CASE("the inertial number of B15 is of the order of a hundredth") {
@@ -193,6 +194,6 @@ TEST_CASE("a bed follows its box below the friction angle, and does not above") 
     }
     return tilt - std::atan(fit_line(x, height).slope) * 180 / std::numbers::pi;
   };
-  CHECK(surface_angle(20) == doctest::Approx(20).epsilon(0.005));
+  CHECK(surface_angle(20) == support::about(20, 0.005));
   CHECK(surface_angle(30) < 24.5);
 }
