@@ -106,7 +106,8 @@ class Simulation {
   explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)), execution_(params_.threads),
         grid_(params_.grid, params_.faces.periodic()), rheology_(params_.rheology),
-        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_) {
+        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
+        fields_(nodes()), last_fields_(nodes()), work_(nodes()) {
     state_.time_step = params_.time_step;
     state_.gravity = params_.gravity;
     state_.particles = std::move(particles);
@@ -135,24 +136,21 @@ class Simulation {
                     "0");
     check_particles(state_.particles, grid_);
     check_overfilled(state_.particles, grid_, params_.packing.densest);
-    bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes());
-    state_.bodies = bodies_.start;
+    bodies_ =
+        start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes(), state_.bodies);
     problem_.bodies.resize(state_.bodies.size());
     solids_ = SolidsAtCones<Dim>(boundaries());
 
-    const std::size_t nodes = static_cast<std::size_t>(grid_.node_count());
-    fields_ = last_fields_ = NodeFields(nodes);
-    work_ = StepWorkspace<Dim>(nodes);
-    last_velocity_.assign(nodes, NodeVec<Dim>::Zero());
-    state_.stress_impulse.assign(nodes, Vec<cone_size>::Zero());
+    last_velocity_.assign(nodes(), NodeVec<Dim>::Zero());
+    state_.stress_impulse.assign(nodes(), Vec<cone_size>::Zero());
     wrenches_.resize(boundaries().sources());
-    node_rank_.assign(nodes, 0);
+    node_rank_.assign(nodes(), 0);
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
       node_rank_[node_order_.nodes()[k]] = k;
     problem_.grid = grid_;
     problem_.periodic = PeriodicNodes<Dim>(grid_);
-    problem_.velocity.assign(nodes, NodeVec<Dim>::Zero());
-    problem_.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
+    problem_.velocity.assign(nodes(), NodeVec<Dim>::Zero());
+    problem_.inverse_mass.assign(nodes(), NodeVec<Dim>::Zero());
   }
 
   /// Advances by δt, or leaves all as it was and says why (StepReport::completed(), why()). What
@@ -217,7 +215,7 @@ class Simulation {
       report.bodies_left =
           move_bodies(params_.bodies, bodies_, problem_, state_.time_step, state_.bodies);
       const Outflow outflow =
-          remove_outflow(params_.faces, grid_, execution_, work_.outflow, state_.particles);
+          remove_outflow(params_.faces, grid_, execution_, work_.counts, state_.particles);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
       state_.time += state_.time_step;
@@ -358,8 +356,8 @@ class Simulation {
 
   /// Exchanges the arrays that a step works in and those of the last one; does it twice: nothing.
   void swap_last() noexcept {
-    std::swap(fields_, last_fields_);
-    std::swap(problem_.velocity, last_velocity_);
+    fields_.swap(last_fields_);
+    problem_.velocity.swap(last_velocity_);
   }
 
   void require_whole() const {
@@ -374,6 +372,7 @@ class Simulation {
                     "at least 1: it belongs to the last step");
   }
 
+  std::size_t nodes() const { return static_cast<std::size_t>(grid_.node_count()); }
   int node_number(const Index<Dim>& node) const { return grid_.node(grid_.owner(node)); }
 
   static double seconds(Clock::time_point from, Clock::time_point to) {
@@ -567,8 +566,12 @@ class Simulation {
       stress[0] -= cone_apex(rheology_, problem_, state_.time_step, i);
     });
     problem_.periodic.copy(state_.stress_impulse, execution_);
-    state_.contacts = problem_.contacts;
-    state_.body_contacts = problem_.body_contacts;
+    state_.contacts.resize(problem_.contacts.size());
+    for (std::size_t c = 0; c < problem_.contacts.size(); ++c)
+      state_.contacts[c] = problem_.contacts[c];
+    state_.body_contacts.clear();
+    for (const BodyContact<Dim>& contact : problem_.body_contacts)
+      state_.body_contacts.push_back(contact);
   }
 
   /// The particles' velocity fields and places from the grid's new velocities.

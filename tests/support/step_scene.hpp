@@ -61,8 +61,8 @@ struct Scene {
   Array<int> cone;
   Array<std::size_t> rank;
   SolidsAtCones<Dim> solids;
-  NodeFields fields;
-  StepWorkspace<Dim> work;
+  NodeFields fields{0};
+  StepWorkspace<Dim> work{0};
 
   explicit Scene(const SmallArray<bool, Dim>& periodic = {}) {
     GridParams<Dim> box;

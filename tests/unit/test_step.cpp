@@ -219,7 +219,7 @@ template <int Dim, class Real>
 void check_outflow() {
   Scene<Dim> s;
   Particles<Dim, Real> sand;
-  Array<Outflow> partials;
+  Array<std::size_t> partials;
   for (const double x : {2.0, 0.5, 1.0, 3.5, 3.0, 2.5}) // two are out, two on faces
     sand.add(point<Dim>(x, 1.5), point<Dim>(x, 0), x / 4);
   s.faces = Faces<Dim>::all({FaceKind::no_slip});

@@ -325,17 +325,18 @@ TEST_CASE("free bodies: their start") {
   Body<2> ball = ball_body<2>({2, 1.5}, 0.25, 1000, 0.3), held = ball;
   ball.start.angular_velocity[0] = held.start.angular_velocity[0] = 3;
   held.rotates = false;
-  const FreeBodies<2> free = start_bodies<2>({ball, held}, s.grid, s.faces, nodes);
+  Array<RigidState<2>> start;
+  const FreeBodies<2> free = start_bodies<2>({ball, held}, s.grid, s.faces, nodes, start);
   CHECK(free.radius == Array<double>{0.25, 0.25});
   CHECK(free.reach[0] == about(std::sqrt(2) * 0.25));
-  CHECK(free.start[0].angular_velocity[0] == 3);
-  CHECK(free.start[1].angular_velocity[0] == 0);
+  CHECK(start[0].angular_velocity[0] == 3);
+  CHECK(start[1].angular_velocity[0] == 0);
   CHECK(free.inverse_inertia[0](0, 0) == 1 / ball.inertia(0, 0));
   CHECK(free.inverse_inertia[1](0, 0) == 0);
   const auto refused = [&](const Vec<2>& centre, double radius) {
     const Body<2> body = ball_body<2>(centre, radius, 1000, 0.3);
     return message_of<std::invalid_argument>(
-        [&] { start_bodies<2>({body}, s.grid, s.faces, nodes); });
+        [&] { start_bodies<2>({body}, s.grid, s.faces, nodes, start); });
   };
   CHECK(refused({1.25, 1}, 0.25) == "(nothing thrown)"); // it passes through the open floor
   CHECK(refused({1.125, 1.5}, 0.25) ==

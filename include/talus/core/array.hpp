@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <initializer_list>
 #include <utility>
 #include <vector>
 
@@ -11,18 +12,23 @@ namespace talus {
 template <class T>
 class Array : public std::vector<T> {
  public:
-  using std::vector<T>::vector;
-  Array() = default;
-  Array(std::vector<T> values) : std::vector<T>(std::move(values)) {}
+  using Base = std::vector<T>;
+  using Base::operator[];
 
-  T& operator[](std::size_t i) { return std::vector<T>::operator[](i); }
-  T& operator[](std::ptrdiff_t i) { return (*this)[static_cast<std::size_t>(i)]; }
-  T& operator[](int i) { return (*this)[static_cast<std::size_t>(i)]; }
-  T& operator[](unsigned i) { return (*this)[std::size_t{i}]; }
-  const T& operator[](std::size_t i) const { return std::vector<T>::operator[](i); }
-  const T& operator[](std::ptrdiff_t i) const { return (*this)[static_cast<std::size_t>(i)]; }
-  const T& operator[](int i) const { return (*this)[static_cast<std::size_t>(i)]; }
-  const T& operator[](unsigned i) const { return (*this)[std::size_t{i}]; }
+  Array() = default;
+  explicit Array(std::size_t size) : Base(size) {}
+  Array(std::size_t size, const T& value) : Base(size, value) {}
+  Array(std::initializer_list<T> values) : Base(values) {}
+  Array(Base values) : Base(std::move(values)) {}
+
+  T& operator[](std::ptrdiff_t i) { return Base::operator[](static_cast<std::size_t>(i)); }
+  T& operator[](int i) { return Base::operator[](static_cast<std::size_t>(i)); }
+  T& operator[](unsigned i) { return Base::operator[](std::size_t{i}); }
+  const T& operator[](std::ptrdiff_t i) const {
+    return Base::operator[](static_cast<std::size_t>(i));
+  }
+  const T& operator[](int i) const { return Base::operator[](static_cast<std::size_t>(i)); }
+  const T& operator[](unsigned i) const { return Base::operator[](std::size_t{i}); }
 };
 
 /// N values, as std::array has them, of a size and with indices that are int.

@@ -13,7 +13,9 @@
 #include <limits>
 #include <memory>
 #include <mutex>
+#include <ratio>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 /// \file
@@ -33,6 +35,11 @@ namespace detail {
 constexpr std::ptrdiff_t chunk = 256; ///< items of a partial sum
 constexpr int most_threads = 1024;
 constexpr int pieces_a_thread = 8; ///< of a loop: what is left to others when one is late
+
+/// Weights of items that weigh the same.
+struct EqualWeights {
+  std::ptrdiff_t operator()(std::ptrdiff_t i) const { return i; }
+};
 
 /// Where part `part` of `parts` of [0, count) begins, so that all weigh about the same.
 /// before(i): the weight of all items below i, an integer.
@@ -64,6 +71,10 @@ class FirstException {
       exception_ = std::current_exception();
     }
   }
+  void reset() {
+    part_ = std::numeric_limits<int>::max();
+    exception_ = nullptr;
+  }
   void rethrow() const {
     if (exception_)
       std::rethrow_exception(exception_);
@@ -82,7 +93,8 @@ class ThreadPool {
  public:
   /// size: with the thread that calls run(), >= 1. Throws std::system_error if the system gives no
   /// more threads.
-  explicit ThreadPool(int size) : parts_(static_cast<std::size_t>(size)) {
+  explicit ThreadPool(int size)
+      : size_(size), parts_(std::make_unique<Part[]>(static_cast<std::size_t>(size))) {
     try {
       for (int rank = 1; rank < size; ++rank)
         threads_.emplace_back([this, rank] { help(rank); });
@@ -95,35 +107,56 @@ class ThreadPool {
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  int size() const { return static_cast<int>(parts_.size()); }
+  int size() const { return size_; }
 
-  /// Calls body(piece) once for each piece below `pieces`; it must not throw. One thread at a time
-  /// may call this.
-  template <class Body>
-  void run(unsigned pieces, const Body& body) {
-    const auto begin = Clock::now();
+  /// One piece of a loop: body points at what is to be called.
+  using Call = void (*)(const void* body, int piece, int pieces);
+
+  /// Calls call(body, piece, pieces) once for each piece. If some throw, the exception of the
+  /// lowest piece arrives here. One thread at a time may call this.
+  void run(Call call, const void* body, int pieces) {
+    const std::int64_t begin = now();
+    call_ = call;
+    body_ = body;
+    pieces_ = pieces;
+    first_.reset();
     if (begin < alone_until_) {
-      for (unsigned piece = 0; piece < pieces; ++piece)
-        body(piece);
-      return;
+      for (int piece = 0; piece < pieces; ++piece)
+        do_piece(piece);
+    } else {
+      const int parts = size();
+      for (int p = 0; p < parts; ++p)
+        parts_[static_cast<std::size_t>(p)].pieces.store(range(part(p, parts), part(p + 1, parts)),
+                                                         std::memory_order_relaxed);
+      round_ += one_round;
+      state_.store(round_ | open, std::memory_order_release);
+      state_.notify_all();
+      work(0);
+      close(begin);
     }
-    body_ = &body;
-    call_ = [](const void* any, unsigned piece) noexcept {
-      (*static_cast<const Body*>(any))(piece);
-    };
-    const std::size_t parts = parts_.size();
-    for (std::size_t p = 0; p < parts; ++p)
-      parts_[p].pieces.store(range(pieces * p / parts, pieces * (p + 1) / parts),
-                             std::memory_order_relaxed);
-    round_ += one_round;
-    state_.store(round_ | open, std::memory_order_release);
-    state_.notify_all();
-    work(0);
-    close(begin);
+    first_.rethrow();
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
+  /// Nanoseconds.
+  static std::int64_t now() {
+    using Clock = std::chrono::steady_clock;
+    static_assert(std::is_same_v<Clock::period, std::nano>);
+    return Clock::now().time_since_epoch().count();
+  }
+
+  void do_piece(int piece) noexcept {
+    try {
+      call_(body_, piece, pieces_);
+    } catch (...) {
+      first_.keep(piece);
+    }
+  }
+
+  std::uint64_t part(int p, int parts) const {
+    return static_cast<std::uint64_t>(pieces_) * static_cast<std::uint64_t>(p) /
+           static_cast<std::uint64_t>(parts);
+  }
 
   /// The pieces of a thread that nobody has taken: first, and behind the last, in 32 bits each.
   struct alignas(64) Part {
@@ -138,7 +171,8 @@ class ThreadPool {
   void work(int rank) {
     const int parts = size();
     for (int k = 0; k < parts; ++k) {
-      std::atomic<std::uint64_t>& pieces = parts_[(rank + k) % parts].pieces;
+      std::atomic<std::uint64_t>& pieces =
+          parts_[static_cast<std::size_t>((rank + k) % parts)].pieces;
       std::uint64_t left = pieces.load(std::memory_order_relaxed);
       while (true) {
         const std::uint64_t first = left >> 32U, end = left & 0xffffffffU;
@@ -147,7 +181,7 @@ class ThreadPool {
         if (pieces.compare_exchange_weak(left,
                                          k == 0 ? range(first + 1, end) : range(first, end - 1),
                                          std::memory_order_relaxed)) {
-          call_(body_, static_cast<unsigned>(k == 0 ? first : end - 1));
+          do_piece(static_cast<int>(k == 0 ? first : end - 1));
           left = pieces.load(std::memory_order_relaxed);
         }
       }
@@ -156,18 +190,18 @@ class ThreadPool {
 
   /// Waits for the helpers that are at work and lets no more in. If that takes longer than all
   /// before it, a core was busy with something else: then work goes on alone for a while.
-  void close(Clock::time_point begin) {
+  void close(std::int64_t begin) {
     unsigned expected = round_ | open;
     if (state_.compare_exchange_strong(expected, round_, std::memory_order_acq_rel))
       return;
-    const auto worked = Clock::now();
+    const std::int64_t worked = now();
     do {
       if (expected != (round_ | open))
         wait_while(expected);
       expected = round_ | open;
     } while (!state_.compare_exchange_strong(expected, round_, std::memory_order_acq_rel));
-    const auto waited = Clock::now() - worked;
-    if (waited > std::max<Clock::duration>(worked - begin, std::chrono::milliseconds(1)))
+    const std::int64_t waited = now() - worked, long_time = 1000000;
+    if (waited > std::max(worked - begin, long_time))
       alone_until_ = worked + 16 * waited;
   }
 
@@ -209,11 +243,14 @@ class ThreadPool {
 
   static constexpr unsigned stopped = ~0U & ~open; // no round has so many helpers
 
+  Call call_ = nullptr;
   const void* body_ = nullptr;
-  void (*call_)(const void*, unsigned) noexcept = nullptr;
+  int pieces_ = 0;
+  FirstException first_;
   unsigned round_ = 0;
-  Clock::time_point alone_until_{};
-  Array<Part> parts_; // one a thread
+  std::int64_t alone_until_ = std::numeric_limits<std::int64_t>::min();
+  int size_;
+  std::unique_ptr<Part[]> parts_; // one a thread
   std::atomic<unsigned> state_{0};
   std::vector<std::thread> threads_;
 };
@@ -248,32 +285,28 @@ class Execution {
   void for_balanced(std::ptrdiff_t count, const Before& before, const Body& body) const {
     if (count <= 0)
       return;
-    if (!pool_ || count == 1) {
-      body(std::ptrdiff_t{0}, count);
-      return;
-    }
-    const int pieces =
-        static_cast<int>(std::min<std::ptrdiff_t>(count, detail::pieces_a_thread * pool_->size()));
-    detail::FirstException first;
-    pool_->run(static_cast<unsigned>(pieces), [&](unsigned number) {
-      const int piece = static_cast<int>(number);
-      try {
-        const std::ptrdiff_t begin = detail::part_begin(count, before, piece, pieces);
-        const std::ptrdiff_t end = detail::part_begin(count, before, piece + 1, pieces);
-        if (begin < end)
-          body(begin, end);
-      } catch (...) {
-        first.keep(piece);
-      }
-    });
-    first.rethrow();
+    const auto do_piece = [&](int piece, int pieces) {
+      const std::ptrdiff_t begin = detail::part_begin(count, before, piece, pieces);
+      const std::ptrdiff_t end = detail::part_begin(count, before, piece + 1, pieces);
+      if (begin < end)
+        body(begin, end);
+    };
+    // a pointer: the body is compiled once
+    constexpr detail::ThreadPool::Call call = [](const void* any, int piece, int pieces) {
+      (*static_cast<decltype(&do_piece)>(any))(piece, pieces);
+    };
+    if (!pool_)
+      call(&do_piece, 0, 1);
+    else
+      pool_->run(call, &do_piece,
+                 static_cast<int>(
+                     std::min<std::ptrdiff_t>(count, detail::pieces_a_thread * pool_->size())));
   }
 
   /// The same with items of equal weight.
   template <class Body>
   void for_ranges(std::ptrdiff_t count, const Body& body) const {
-    for_balanced(
-        count, [](std::ptrdiff_t i) { return i; }, body);
+    for_balanced(count, detail::EqualWeights{}, body);
   }
 
   /// Calls body(i) for 0 ≤ i < count, each once. If some throw, the exception of the lowest i

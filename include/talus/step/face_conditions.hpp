@@ -10,6 +10,7 @@
 #include "talus/particles.hpp"
 
 #include <cstddef>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -56,22 +57,19 @@ std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Gri
 struct Outflow {
   std::size_t particles = 0;
   double volume = 0;
-
-  friend Outflow operator+(const Outflow& a, const Outflow& b) {
-    return {a.particles + b.particles, a.volume + b.volume};
-  }
 };
 
 /// Takes out the particles that are outside of the box: they have passed an open face. partials:
 /// workspace.
 template <int Dim, class Real>
 Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Execution& execution,
-                       Array<Outflow>& partials, Particles<Dim, Real>& particles) {
+                       Array<std::size_t>& partials, Particles<Dim, Real>& particles) {
+  Outflow outflow;
   bool open = false;
   for (int a = 0; a < Dim; ++a)
     open = open || faces.lower[a].kind == FaceKind::open || faces.upper[a].kind == FaceKind::open;
   if (!open)
-    return {};
+    return outflow;
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();
   const auto inside = [&](std::size_t p) {
     const Vec<Dim>& x = particles.position[p];
@@ -80,17 +78,15 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Exe
       is = is && x[a] >= lower[a] && x[a] <= upper[a];
     return is;
   };
-  const Outflow outflow = execution.reduce(
-      static_cast<std::ptrdiff_t>(particles.size()), partials, Outflow{},
+  outflow.particles = execution.reduce(
+      static_cast<std::ptrdiff_t>(particles.size()), partials, std::size_t{0},
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-        Outflow left;
-        for (std::size_t p = static_cast<std::size_t>(begin); p < static_cast<std::size_t>(end);
-             ++p)
-          if (!inside(p))
-            left = left + Outflow{1, static_cast<double>(particles.volume[p])};
+        std::size_t left = 0;
+        for (std::ptrdiff_t p = begin; p < end; ++p)
+          left += inside(static_cast<std::size_t>(p)) ? 0U : 1U;
         return left;
       },
-      [](const Outflow& x, const Outflow& y) { return x + y; });
+      std::plus<>());
   if (outflow.particles == 0)
     return outflow;
   std::size_t kept = 0;
@@ -99,6 +95,8 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Exe
       if (kept != p)
         particles.copy(kept, particles, p);
       ++kept;
+    } else {
+      outflow.volume += particles.volume[p];
     }
   particles.resize(kept);
   return outflow;

@@ -26,7 +26,6 @@ namespace talus {
 /// What follows from the parameters of the free bodies; #bodies each.
 template <int Dim>
 struct FreeBodies {
-  Array<RigidState<Dim>> start;
   Array<double> radius;                       ///< of their corners, m
   Array<double> reach;                        ///< of their shapes and corners, m
   Array<Mat<spin_size<Dim>>> inverse_inertia; ///< in their own frames; 0: it does not rotate
@@ -101,10 +100,11 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
   });
 }
 
-/// The bodies at their start; throws as check_body_start.
+/// The bodies, and their states at the start, added to `states`; throws as check_body_start.
 template <int Dim>
 FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Dim>& grid,
-                             const Faces<Dim>& faces, const Array<int>& nodes) {
+                             const Faces<Dim>& faces, const Array<int>& nodes,
+                             Array<RigidState<Dim>>& states) {
   FreeBodies<Dim> free;
   for (const Body<Dim>& body : bodies) {
     check_body_start(body, grid, faces, nodes);
@@ -113,12 +113,12 @@ FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Di
       radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);
     free.radius.push_back(radius);
     free.reach.push_back(std::max(radius, reach_of(body.shape, 1e3 * grid.size().norm())));
-    free.start.push_back(body.start);
+    states.push_back(body.start);
     if (body.rotates) {
       free.inverse_inertia.push_back(body.inverse_inertia());
     } else {
       free.inverse_inertia.push_back(Mat<spin_size<Dim>>::Zero());
-      free.start.back().angular_velocity.setZero();
+      states.back().angular_velocity.setZero();
     }
   }
   return free;

@@ -5,7 +5,6 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
-#include "talus/step/face_conditions.hpp"
 #include "talus/transfer/cell_moments.hpp"
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/shifting.hpp"
@@ -16,9 +15,14 @@ namespace talus {
 
 /// What a simulation shows of the nodes after a step, beside the problem: #nodes each.
 struct NodeFields {
-  NodeFields() = default;
   explicit NodeFields(std::size_t nodes)
       : material_volume(nodes, 0), open_fraction(nodes, 1), inertial_number(nodes, 0) {}
+
+  void swap(NodeFields& other) noexcept {
+    material_volume.swap(other.material_volume);
+    open_fraction.swap(other.open_fraction);
+    inertial_number.swap(other.inertial_number);
+  }
 
   Array<double> material_volume; ///< Σ V_p N_i, m^d
   Array<double> open_fraction;   ///< of a node's volume: what no solid takes
@@ -28,7 +32,6 @@ struct NodeFields {
 /// What a step computes on its way; kept for its memory alone.
 template <int Dim>
 struct StepWorkspace {
-  StepWorkspace() = default;
   explicit StepWorkspace(std::size_t nodes)
       : velocity_before(nodes, NodeVec<Dim>::Zero()), divergence(nodes, 0), cone(nodes, -1),
         excess(nodes, not_inside), strain(nodes, 0) {}
@@ -43,7 +46,6 @@ struct StepWorkspace {
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
   Array<std::size_t> counts;           ///< of cones, by block
   Array<double> partials;              ///< of sums and maxima
-  Array<Outflow> outflow;              ///< the same
 };
 
 } // namespace talus

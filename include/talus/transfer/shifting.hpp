@@ -58,8 +58,8 @@ void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& orde
         }
       }
       for (int a = 0; a < Dim; ++a)
-        x[a] -= share * grid.spacing()[a] * slope[a];
-      x = grid.wrapped(x.cwiseMax(lower).cwiseMin(upper));
+        x[a] = std::clamp(x[a] - share * grid.spacing()[a] * slope[a], lower[a], upper[a]);
+      x = grid.wrapped(x);
     }
   });
 }
