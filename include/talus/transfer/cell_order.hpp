@@ -70,14 +70,15 @@ class CellOrder {
     begin_.resize(static_cast<std::size_t>(cells) + 1);
     divide(count, static_cast<std::size_t>(execution.threads()));
     for_each_part(execution, [&](Part& part) {
-      part.first_cell = cells;
-      part.last_cell = 0;
+      int first = cells, last = 0; // not in the part: others of them are in its cache line
       for (std::size_t p = part.begin; p < part.end; ++p) {
         const int cell = grid.cell(grid.cell_at(particles.position[p]));
         cell_[p] = cell;
-        part.first_cell = std::min(part.first_cell, cell);
-        part.last_cell = std::max(part.last_cell, cell + 1);
+        first = std::min(first, cell);
+        last = std::max(last, cell + 1);
       }
+      part.first_cell = first;
+      part.last_cell = last;
     });
     std::size_t counts = 0;
     for (Part& part : parts_) {
