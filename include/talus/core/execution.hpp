@@ -299,8 +299,8 @@ class Execution {
       call(&do_piece, 0, 1);
     else
       pool_->run(call, &do_piece,
-                 static_cast<int>(
-                     std::min<std::ptrdiff_t>(count, detail::pieces_a_thread * pool_->size())));
+                 static_cast<int>(std::min<std::ptrdiff_t>(
+                     count, std::ptrdiff_t{detail::pieces_a_thread} * pool_->size())));
   }
 
   /// The same with items of equal weight.
