@@ -13,7 +13,7 @@ Nature 441, 2006):
 Finite volumes over half of the width, ROWS rows (48), Picard's iteration; the options of `chute` by default. Prints heights
 and mean velocities across. Needs numpy and scipy.
 """
-import sys
+import argparse
 
 import numpy as np
 from scipy.sparse import coo_matrix
@@ -78,7 +78,12 @@ def solve(rows):
 
 
 def main():
-    z, mean = solve(int(sys.argv[1]) if len(sys.argv) > 1 else 48)
+    parser = argparse.ArgumentParser(description="The chute of `chute --dim 3` by the local law in all of its section.")
+    parser.add_argument("rows", type=int, nargs="?", default=48, help="over the depth, 4 or more")
+    options = parser.parse_args()
+    if options.rows < 4:
+        parser.error(f"ROWS is {options.rows}; allowed: 4 or more")
+    z, mean = solve(options.rows)
     print("height (mm), mean velocity across (m/s)")
     for height in np.linspace(0, DEPTH, 13):
         print(f"{1000 * height:6.1f} {np.interp(height, np.append(0, z), np.append(0, mean)):.4f}")

@@ -194,7 +194,7 @@ TEST_CASE("a state that does not fit is refused and changes nothing") {
   CHECK(contains(refused(bad), "the node of a contact"));
   bad = state();
   bad.contacts.at(0).boundary_id = 99;
-  CHECK(contains(refused(bad), "the source of a contact"));
+  CHECK(contains(refused(bad), "the boundary id of a contact"));
   bad = state();
   bad.contacts.at(0).impulse[1] = std::nan("");
   CHECK(contains(refused(bad), "the impulse of a contact"));

@@ -295,7 +295,7 @@ class Execution {
     constexpr detail::ThreadPool::Call call = [](const void* any, int piece, int pieces) {
       (*static_cast<decltype(&do_piece)>(any))(piece, pieces);
     };
-    if (!pool_)
+    if (!pool_ || count == 1)
       call(&do_piece, 0, 1);
     else
       pool_->run(call, &do_piece,

@@ -17,8 +17,8 @@ namespace talus {
 
 /// All that bounds the material during one step: the box, obstacles and free bodies. A view.
 ///
-/// Each has a number, its source: faces first, then obstacles, then bodies. Contacts carry the
-/// source that they are with, and wrenches are stored by it.
+/// Each has a boundary id: faces first, then obstacles, then bodies. Contacts carry that of what
+/// they are with, and wrenches are stored by it.
 template <int Dim>
 struct Boundaries {
   const Grid<Dim>& grid;

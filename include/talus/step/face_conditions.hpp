@@ -20,7 +20,7 @@
 
 namespace talus {
 
-/// u = 0 at nodes on sticking faces, u·n = 0 on slipping ones; there the inverse mass is 0 as well.
+/// u = 0 at nodes on no-slip faces, u·n = 0 on free-slip ones; there the inverse mass is 0 as well.
 template <int Dim>
 void hold_at_faces(const Faces<Dim>& faces, const Array<int>& nodes, const Execution& execution,
                    DualProblem<Dim>& problem) {

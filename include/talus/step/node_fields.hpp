@@ -44,7 +44,7 @@ struct StepWorkspace {
   Array<double> excess;                ///< φ − 1 or not_inside, #nodes
   Array<double> strain;                ///< |γ̇| δt, #nodes
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
-  Array<std::size_t> counts;           ///< of cones, by block
+  Array<std::size_t> counts;           ///< of cones by block; of sums
   Array<double> partials;              ///< of sums and maxima
 };
 

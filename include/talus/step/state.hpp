@@ -29,9 +29,9 @@ struct SimulationState {
   Vec<Dim> gravity = Vec<Dim>::Zero();            ///< m/s²
   Particles<Dim, Real> particles;                 ///< their order counts: sums depend on it
   Array<Vec<symmetric_size<Dim>>> stress_impulse; ///< λ, #nodes, Pa s: the warm start
-  Array<Contact<Dim>> contacts; ///< node, source and impulse of each: the warm start
+  Array<Contact<Dim>> contacts; ///< node, boundary id and impulse of each: the warm start
   Array<RigidState<Dim>> bodies;
-  Array<BodyContact<Dim>> body_contacts; ///< node, source, body and impulse of each
+  Array<BodyContact<Dim>> body_contacts; ///< node, boundary id, body and impulse of each
 };
 
 /// Throws std::invalid_argument unless gravity (m/s²), not_given by default, is finite.
@@ -121,7 +121,7 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
     if (contact.node < 0 || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid");
     if (contact.boundary_id < 0 || contact.boundary_id >= sources)
-      throw_invalid("the source of a contact", contact.boundary_id,
+      throw_invalid("the boundary id of a contact", contact.boundary_id,
                     "below " + std::to_string(sources));
   }
   if (state.bodies.size() != bounds.bodies.size())
