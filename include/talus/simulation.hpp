@@ -8,6 +8,8 @@
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/halo.hpp"
+#include "talus/core/node_copies.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/symmetric.hpp"
@@ -30,6 +32,7 @@
 #include "talus/step/friction.hpp"
 #include "talus/step/node_fields.hpp"
 #include "talus/step/overfilled.hpp"
+#include "talus/step/ranks.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/room.hpp"
 #include "talus/step/solids.hpp"
@@ -98,16 +101,22 @@ class Simulation {
     double min_relative_mass = 1e-9; ///< nodes below this share of the dense mass carry no stress
     Packing packing{};
     int threads = 1; ///< the result does not depend on it
+    /// The processes that share the simulation, and no other one; null: this one alone. The result
+    /// does not depend on their number. All make the same simulation and call step() and what else
+    /// is collective together; particles, fields and problem are this rank's part.
+    std::shared_ptr<Ranks<Dim, ParticleReal>> ranks{};
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
   /// has no positive volume, a velocity that is not finite or the id of another, or if some place
   /// is filled twice (Packing::densest). A box may be empty.
   explicit Simulation(Params params, ParticleData particles)
-      : params_(std::move(params)), execution_(params_.threads),
-        grid_(params_.grid, params_.faces.periodic()), rheology_(params_.rheology),
-        transfer_(params_.transfer), solver_(params_.solver), stencil_(grid_), node_order_(grid_),
-        fields_(nodes()), last_fields_(nodes()), work_(nodes()) {
+      : params_(std::move(params)),
+        execution_(params_.threads, params_.ranks ? &params_.ranks->communicator() : nullptr),
+        rheology_(params_.rheology), transfer_(params_.transfer), solver_(params_.solver) {
+    if (params_.ranks)
+      params_.ranks->deal(params_.grid, params_.faces.periodic(), particles);
+    use_window();
     state_.time_step = params_.time_step;
     state_.gravity = params_.gravity;
     state_.particles = std::move(particles);
@@ -135,22 +144,13 @@ class Simulation {
       throw_invalid("the number of free bodies in a box with periodic faces", params_.bodies.size(),
                     "0");
     check_particles(state_.particles, grid_);
-    check_overfilled(state_.particles, grid_, params_.packing.densest);
-    bodies_ =
-        start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes(), state_.bodies);
+    check_overfilled(state_.particles, grid_, params_.packing.densest, problem_.copies.halo());
+    bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes(), execution_,
+                           state_.bodies);
     problem_.bodies.resize(state_.bodies.size());
     solids_ = SolidsAtCones<Dim>(boundaries());
-
-    last_velocity_.assign(nodes(), NodeVec<Dim>::Zero());
     state_.stress_impulse.assign(nodes(), Vec<cone_size>::Zero());
     wrenches_.resize(boundaries().sources());
-    node_rank_.assign(nodes(), 0);
-    for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
-      node_rank_[node_order_.nodes()[k]] = k;
-    problem_.grid = grid_;
-    problem_.periodic = PeriodicNodes<Dim>(grid_);
-    problem_.velocity.assign(nodes(), NodeVec<Dim>::Zero());
-    problem_.inverse_mass.assign(nodes(), NodeVec<Dim>::Zero());
   }
 
   /// Advances by δt, or leaves all as it was and says why (StepReport::completed(), why()). What
@@ -166,6 +166,10 @@ class Simulation {
     StepReport report;
     const auto t0 = Clock::now();
     require_whole();
+    if (params_.ranks && params_.ranks->deal_again(state_)) {
+      use_window();
+      stepped_ = false;
+    }
     Attempt attempt(*this);
     particles_to_grid();
     solids_.place(boundaries());
@@ -181,11 +185,15 @@ class Simulation {
     collect_cones(ratio);
     add_gravity();
     hold_at_faces(params_.faces, node_order_.nodes(), execution_, problem_);
-    problem_.periodic.copy(problem_.velocity, execution_);
-    problem_.periodic.copy(problem_.inverse_mass, execution_);
+    problem_.copies.copy(problem_.velocity, execution_);
+    problem_.copies.copy(problem_.inverse_mass, execution_);
     collect_contacts(boundaries(), solids_, node_rank_, {state_.contacts, ratio}, execution_,
                      problem_);
-    collect_body_contacts(boundaries(), solids_, node_rank_, state_.time_step,
+    collect_touched_nodes(boundaries(), solids_, node_order_, problem_);
+    if (params_.ranks)
+      params_.ranks->share_contacts(problem_);
+    problem_.body_contacts.swap(work_.touched);
+    collect_body_contacts(boundaries(), work_.touched, node_order_, state_.time_step,
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
@@ -218,12 +226,14 @@ class Simulation {
           remove_outflow(params_.faces, grid_, execution_, work_.counts, state_.particles);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
+      if (params_.ranks)
+        params_.ranks->migrate(state_.particles);
       state_.time += state_.time_step;
       ++state_.steps;
     }
     const auto t4 = Clock::now();
-    report.cones = problem_.cones();
-    report.contacts = problem_.contacts.size() + problem_.body_contacts.size();
+    report.cones = execution_.sum(problem_.cones());
+    report.contacts = execution_.sum(problem_.contacts.size()) + problem_.body_contacts.size();
     report.seconds = {seconds(t0, t1), seconds(t1, t2), seconds(t2, t3), seconds(t3, t4)};
     return report;
   }
@@ -266,10 +276,19 @@ class Simulation {
 
   /// Goes on from `state`, which a simulation with the same grid, faces, obstacles and bodies had:
   /// the next step gives the same bits as that one's. Forces, nodal fields and problem() are there
-  /// again after that step. Throws std::invalid_argument, and changes nothing, if a particle is
-  /// refused (see the constructor) or the state does not fit the grid.
+  /// again after that step. With several ranks all give the same state, that of the whole grid.
+  /// Throws std::invalid_argument, and changes nothing, if a particle is refused (see the
+  /// constructor) or the state does not fit the grid.
   void restore(SimulationState<Dim, ParticleReal> state) {
-    check_state(state, boundaries());
+    if (params_.ranks) {
+      check_state(state, boundaries(Grid<Dim>(params_.grid, params_.faces.periodic())));
+      state = params_.ranks->part_of(std::move(state));
+      use_window();
+    } else {
+      check_state(state, boundaries());
+      for (BodyContact<Dim>& contact : state.body_contacts)
+        contact.place = place_of(grid_, node_order_, contact.node);
+    }
     state_ = std::move(state);
     stepped_ = torn_ = false;
   }
@@ -372,6 +391,29 @@ class Simulation {
                     "at least 1: it belongs to the last step");
   }
 
+  /// Sizes all for the nodes that this rank has.
+  void use_window() {
+    const SmallArray<bool, Dim> periodic = params_.faces.periodic();
+    Halo* const halo = params_.ranks ? &params_.ranks->halo() : nullptr;
+    grid_ = params_.ranks ? Grid<Dim>(params_.grid, periodic, params_.ranks->own())
+                          : Grid<Dim>(params_.grid, periodic);
+    stencil_ = Stencil<Dim>(grid_);
+    node_order_ = BlockOrder<Dim>(grid_);
+    fields_.start(nodes());
+    last_fields_.start(nodes());
+    work_.start(nodes());
+    if (halo)
+      work_.order.set_others(cells_of_others(grid_));
+    last_velocity_.assign(nodes(), NodeVec<Dim>::Zero());
+    node_rank_.assign(nodes(), 0);
+    for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)
+      node_rank_[node_order_.nodes()[k]] = k;
+    problem_.grid = grid_;
+    problem_.copies = NodeCopies<Dim>(grid_, halo);
+    problem_.velocity.assign(nodes(), NodeVec<Dim>::Zero());
+    problem_.inverse_mass.assign(nodes(), NodeVec<Dim>::Zero());
+  }
+
   std::size_t nodes() const { return static_cast<std::size_t>(grid_.node_count()); }
   int node_number(const Index<Dim>& node) const { return grid_.node(grid_.owner(node)); }
 
@@ -379,8 +421,9 @@ class Simulation {
     return std::chrono::duration<double>(to - from).count();
   }
 
-  Bounds boundaries() const {
-    return {grid_,         params_.faces, params_.obstacles, params_.bodies,
+  Bounds boundaries() const { return boundaries(grid_); }
+  Bounds boundaries(const Grid<Dim>& grid) const {
+    return {grid,          params_.faces, params_.obstacles, params_.bodies,
             state_.bodies, bodies_.reach, state_.time};
   }
   SolvedStep<Dim> solved_step() const {
@@ -412,11 +455,11 @@ class Simulation {
       particles.resize_mixed(particles.size());
     work_.order.update(particles, grid_, execution_);
     all_cell_moments<TransferT::field>(particles, work_.order, grid_, execution_, work_.moments,
-                                       params_.packing.even);
+                                       params_.packing.even, problem_.copies.halo());
     cells_to_nodes(work_.moments, work_.order, grid_, node_order_.nodes(), execution_,
                    fields_.material_volume, work_.velocity_before);
-    problem_.periodic.copy(fields_.material_volume, execution_);
-    problem_.periodic.copy(work_.velocity_before, execution_);
+    problem_.copies.copy(fields_.material_volume, execution_);
+    problem_.copies.copy(work_.velocity_before, execution_);
     problem_.velocity.resize(work_.velocity_before.size());
     execution_.for_ranges(
         std::ssize(work_.velocity_before), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -465,11 +508,11 @@ class Simulation {
                          state_.time_step, fields_,         work_,    problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
     if (params_.packing.even) {
-      problem_.periodic.copy(work_.excess, execution_);
-      problem_.periodic.copy(work_.strain, execution_);
+      problem_.copies.copy(work_.excess, execution_);
+      problem_.copies.copy(work_.strain, execution_);
       for_each_cone([&](std::size_t i) { room.set_inside(i); });
     }
-    problem_.periodic.copy(work_.cone, execution_);
+    problem_.copies.copy_here(work_.cone, execution_);
   }
 
   void fill_cone(std::size_t i, double ratio, const Room<Dim>& room) {
@@ -499,7 +542,7 @@ class Simulation {
     remove_cohesion_shift(rheology_, problem_, state_.time_step);
     friction_iteration_.next.resize(problem_.cones());
     for_each_cone([&](std::size_t i) { friction_iteration_.next[i] = friction(i); });
-    const double change = friction_iteration_.change(problem_);
+    const double change = friction_iteration_.change(problem_, execution_);
     friction_iteration_.choose_relaxation(report.friction_updates == 1, change,
                                           report.friction_change);
     report.friction_change = change;
@@ -542,6 +585,7 @@ class Simulation {
           return largest;
         },
         [](double a, double b) { return std::max(a, b); });
+    largest2 = execution_.largest(largest2);
     for (std::size_t b = 0; b < state_.bodies.size(); ++b) {
       const RigidState<Dim>& body = state_.bodies[b];
       if (has_left(grid_, body.position, bodies_.reach[b]))
@@ -565,7 +609,7 @@ class Simulation {
       stress = problem_.stress_impulse[i];
       stress[0] -= cone_apex(rheology_, problem_, state_.time_step, i);
     });
-    problem_.periodic.copy(state_.stress_impulse, execution_);
+    problem_.copies.copy(state_.stress_impulse, execution_);
     state_.contacts.resize(problem_.contacts.size());
     for (std::size_t c = 0; c < problem_.contacts.size(); ++c)
       state_.contacts[c] = problem_.contacts[c];
@@ -588,13 +632,16 @@ class Simulation {
             Dim * mean_from_normal<Dim>(integrated_strain_rate(problem_, stencil_, i)[0]) /
             fields_.material_volume[j];
       });
-    problem_.periodic.copy(work_.divergence, execution_);
+    problem_.copies.copy(work_.divergence, execution_);
     talus::grid_to_particles(state_.particles, work_.order, grid_, transfer_, problem_.velocity,
                              work_.velocity_before, work_.divergence, work_.moments,
                              state_.time_step, lower, upper, execution_);
-    if (params_.packing.even && params_.packing.shifting > 0)
-      shift_particles(state_.particles, work_.order, grid_, work_.excess, work_.strain,
-                      params_.packing.shifting, lower, upper, execution_);
+    if (params_.packing.even && params_.packing.shifting > 0) {
+      if (params_.ranks) // to where the nodes around them are
+        params_.ranks->migrate(state_.particles);
+      shift_particles(state_.particles, grid_, work_.excess, work_.strain, params_.packing.shifting,
+                      lower, upper, execution_);
+    }
   }
 
   Params params_;

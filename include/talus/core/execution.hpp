@@ -2,10 +2,13 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/communicator.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/exact_sum.hpp"
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -19,9 +22,9 @@
 #include <vector>
 
 /// \file
-/// How loops over independent items are executed, on one thread or several. Results never depend on
-/// the number of threads: items are independent, and sums are made over chunks of a fixed size in a
-/// fixed order.
+/// How loops over independent items are executed, on one thread or several, on one rank or several.
+/// Results never depend on the number of either: items are independent, and sums of numbers that
+/// would be rounded are exact.
 
 namespace talus {
 
@@ -261,17 +264,21 @@ class ThreadPool {
 /// side by side; no loop may run in another.
 class Execution {
  public:
-  /// Throws std::invalid_argument if threads is not in 1..1024, std::system_error if the system
-  /// gives no more threads.
-  explicit Execution(int threads = 1) {
+  /// communicator: of the ranks that share the work; null: there is one. Throws
+  /// std::invalid_argument if threads is not in 1..1024, std::system_error if the system gives no
+  /// more threads.
+  explicit Execution(int threads = 1, const Communicator* communicator = nullptr)
+      : communicator_(communicator) {
     if (threads < 1 || threads > detail::most_threads)
       throw_invalid("threads", threads, "an integer in 1..1024");
     if (threads > 1)
       pool_ = std::make_unique<detail::ThreadPool>(threads);
   }
-  Execution(const Execution& other) : Execution(other.threads()) {}
+  Execution(const Execution& other) : Execution(other.threads(), other.communicator_) {}
   Execution(Execution&&) noexcept = default;
-  Execution& operator=(const Execution& other) { return *this = Execution(other.threads()); }
+  Execution& operator=(const Execution& other) {
+    return *this = Execution(other.threads(), other.communicator_);
+  }
   Execution& operator=(Execution&&) noexcept = default;
   ~Execution() = default;
 
@@ -322,8 +329,8 @@ class Execution {
 
   /// Reduces over chunks of a fixed size: `term(begin, end)` gives the partial result of one chunk,
   /// `combine` joins them from first to last, so the result is the same for any number of threads.
-  /// `partials` is workspace that the caller keeps, so that a warm call allocates nothing.
-  /// Exceptions: as for_each.
+  /// Of this rank alone. `partials` is workspace that the caller keeps, so that a warm call
+  /// allocates nothing. Exceptions: as for_each.
   template <class Value, class Term, class Combine>
   Value reduce(std::ptrdiff_t count, Array<Value>& partials, Value start, const Term& term,
                const Combine& combine) const {
@@ -338,8 +345,43 @@ class Execution {
     return total;
   }
 
+  // Over all ranks; collective.
+
+  /// The largest of a value >= 0 that each rank has, or NaN if one has that.
+  double largest(double value) const {
+    if (!communicator_)
+      return value;
+    // numbers >= 0 are ordered as their bits are, and NaNs come after infinity
+    auto bits = static_cast<std::int64_t>(std::bit_cast<std::uint64_t>(value) << 1U >> 1U);
+    communicator_->maximum(&bits, 1);
+    return std::bit_cast<double>(bits);
+  }
+  std::size_t sum(std::size_t count) const {
+    auto total = static_cast<std::int64_t>(count);
+    if (communicator_)
+      communicator_->sum(&total, 1);
+    return static_cast<std::size_t>(total);
+  }
+  /// Joins the sums of all ranks.
+  void join(ExactSum* sums, int count) const {
+    if (!communicator_)
+      return;
+    Array<std::int64_t> words;
+    for (int k = 0; k < count; ++k) {
+      sums[k].normalise();
+      words.insert(words.end(), sums[k].words(), sums[k].words() + ExactSum::size);
+    }
+    communicator_->sum(words.data(), count * ExactSum::size);
+    for (int k = 0; k < count; ++k)
+      std::copy_n(words.data() + k * ExactSum::size, ExactSum::size, sums[k].words());
+  }
+
+  const Communicator* communicator() const { return communicator_; } ///< null: one rank
+  bool first_rank() const { return !communicator_ || communicator_->rank() == 0; }
+
  private:
   std::unique_ptr<detail::ThreadPool> pool_;
+  const Communicator* communicator_ = nullptr;
 };
 
 } // namespace talus

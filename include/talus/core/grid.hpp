@@ -24,7 +24,32 @@ struct GridParams {
   Index<Dim> cells{};                 ///< number of cells along each axis; >= 1
 };
 
+/// The nodes that a rank owns: begin ≤ index < end by axis; the cells that it owns are those that
+/// begin at them.
+template <int Dim>
+struct NodeBox {
+  Index<Dim> begin{}, end{};
+
+  bool empty() const {
+    bool any = false;
+    for (int a = 0; a < Dim; ++a)
+      any = any || begin[a] >= end[a];
+    return any;
+  }
+  bool holds(const Index<Dim>& node) const {
+    bool all = true;
+    for (int a = 0; a < Dim; ++a)
+      all = all && node[a] >= begin[a] && node[a] < end[a];
+    return all;
+  }
+  friend bool operator==(const NodeBox&, const NodeBox&) = default;
+};
+
 /// A box of equal cells. Cells and nodes are numbered with the last axis fastest.
+///
+/// Where ranks share a simulation, each has a window of the grid: the nodes that it owns with one
+/// layer of others' around them, and the cells of its own nodes. Coordinates are those of the whole
+/// grid everywhere; numbers, and the arrays that they index, are of the window alone.
 template <int Dim>
 class Grid {
   static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");
@@ -40,9 +65,14 @@ class Grid {
   /// 1, or the grid has more than 2^30 nodes.
   /// periodic: along which axes the box goes on at its opposite face.
   explicit Grid(const GridParams<Dim>& params, const SmallArray<bool, Dim>& periodic = {})
-      : origin_(params.origin), size_(params.size), cells_(params.cells), periodic_(periodic) {
+      : Grid(params, periodic, all_nodes(params, periodic)) {}
+
+  /// The window of the rank that owns `own`, which lies in all_nodes(). Throws as the other one.
+  Grid(const GridParams<Dim>& params, const SmallArray<bool, Dim>& periodic,
+       const NodeBox<Dim>& own)
+      : origin_(params.origin), size_(params.size), cells_(params.cells), periodic_(periodic),
+        own_(own) {
     constexpr const char* axis_names[] = {"x", "y", "z"};
-    double nodes = 1;
     for (int a = 0; a < Dim; ++a) {
       const std::string axis = axis_names[a];
       require_finite("grid.origin." + axis, origin_[a]);
@@ -51,7 +81,16 @@ class Grid {
         throw_invalid("grid.cells." + axis, cells(a), "an integer >= 1");
       spacing_[a] = size_[a] / cells(a);
       inverse_spacing_[a] = 1 / spacing_[a];
-      nodes *= cells(a) + 3.0;
+    }
+    double nodes = 1;
+    const NodeBox<Dim> all = all_nodes(params, periodic);
+    for (int a = 0; a < Dim; ++a) {
+      whole_[a] = own_.begin[a] == 0 && own_.end[a] == all.end[a];
+      // a whole axis has one more layer beyond its upper face, whether it is periodic or not
+      node_layers_[a] = whole_[a] ? cells(a) + 3 : own_.end[a] - own_.begin[a] + 2;
+      first_cell_[a] = whole_[a] || (own_.begin[a] == 0 && !periodic_[a]) ? 0 : own_.begin[a] - 1;
+      cell_end_[a] = std::max(std::min(own_.end[a], cells(a)), first_cell_[a]);
+      nodes *= node_layers_[a];
     }
     if (nodes > 1073741824.0)
       throw_invalid("the number of grid nodes", nodes, "at most 2^30");
@@ -59,22 +98,39 @@ class Grid {
     for (int a = Dim - 1; a >= 0; --a) {
       node_stride_[a] = node_stride;
       cell_stride_[a] = cell_stride;
-      node_stride *= cells(a) + 3;
-      cell_stride *= cells(a);
+      node_stride *= node_layers_[a];
+      cell_stride *= cell_end_[a] - first_cell_[a];
     }
     node_count_ = node_stride;
     cell_count_ = cell_stride;
   }
+
+  /// The nodes of the box: 0..cells(a) along an axis, without the last if it is periodic.
+  static NodeBox<Dim> all_nodes(const GridParams<Dim>& params,
+                                const SmallArray<bool, Dim>& periodic) {
+    NodeBox<Dim> all;
+    for (int a = 0; a < Dim; ++a)
+      all.end[a] = params.cells[a] + (periodic[a] ? 0 : 1);
+    return all;
+  }
+
+  const NodeBox<Dim>& own() const { return own_; }
+  /// Does this rank own all nodes along an axis? A periodic one then goes on in the window.
+  bool whole(int axis) const { return whole_[axis]; }
+  /// The cells that the window has: from first_cell(a) to below cell_end(a) along each axis.
+  int first_cell(int axis) const { return first_cell_[axis]; }
+  int cell_end(int axis) const { return cell_end_[axis]; }
 
   const Vec<Dim>& origin() const { return origin_; }
   const Vec<Dim>& size() const { return size_; }
   Vec<Dim> upper() const { return origin_ + size_; }
   const Vec<Dim>& spacing() const { return spacing_; } ///< edge lengths of a cell, m
   const Vec<Dim>& inverse_spacing() const { return inverse_spacing_; }
-  int cells(int axis) const { return cells_[axis]; }
+  int cells(int axis) const { return cells_[axis]; } ///< of the whole grid
   double cell_volume() const { return spacing_.prod(); }
-  int cell_count() const { return cell_count_; }
-  int node_count() const { return node_count_; } ///< ghosts included: the size of nodal arrays
+  int cell_count() const { return cell_count_; } ///< of the window
+  /// Of the window, ghosts included: the size of nodal arrays.
+  int node_count() const { return node_count_; }
 
   bool periodic(int axis) const { return periodic_[axis]; }
   bool any_periodic() const {
@@ -84,11 +140,11 @@ class Grid {
     return any;
   }
 
-  /// The node of the box that stands for the same place: the same one, but for the last node along
-  /// a periodic axis and the ghosts beyond.
+  /// The node of the window that stands for the same place: the same one, but for the last node
+  /// along a periodic axis that the window has as a whole and the ghosts beyond.
   Index<Dim> owner(Index<Dim> node) const {
     for (int a = 0; a < Dim; ++a)
-      if (periodic(a))
+      if (periodic(a) && whole(a))
         node[a] = (node[a] % cells(a) + cells(a)) % cells(a);
     return node;
   }
@@ -106,11 +162,12 @@ class Grid {
 
   int node_stride(int axis) const { return node_stride_[axis]; }
 
-  /// Number of the node with coordinates 0..cells(a) on each axis (-1 and cells(a)+1: ghosts).
+  /// Number of the node with coordinates 0..cells(a) on each axis (-1 and cells(a)+1: ghosts), or
+  /// those of the window.
   int node(const Index<Dim>& index) const {
     int n = 0;
     for (int a = 0; a < Dim; ++a)
-      n += (index[a] + 1) * node_stride(a);
+      n += (index[a] - own_.begin[a] + 1) * node_stride(a);
     return n;
   }
 
@@ -118,7 +175,7 @@ class Grid {
   Index<Dim> node_index(int node) const {
     Index<Dim> index;
     for (int a = 0; a < Dim; ++a) {
-      index[a] = node / node_stride(a) - 1;
+      index[a] = node / node_stride(a) - 1 + own_.begin[a];
       node %= node_stride(a);
     }
     return index;
@@ -144,18 +201,18 @@ class Grid {
     return v;
   }
 
-  /// Number of a cell from its coordinates 0..cells(a)-1.
+  /// Number of a cell of the window from its coordinates.
   int cell(const Index<Dim>& index) const {
     int c = 0;
     for (int a = 0; a < Dim; ++a)
-      c += index[a] * cell_stride_[a];
+      c += (index[a] - first_cell_[a]) * cell_stride_[a];
     return c;
   }
 
   Index<Dim> cell_index(int cell) const {
     Index<Dim> index;
     for (int a = 0; a < Dim; ++a) {
-      index[a] = cell / cell_stride_[a];
+      index[a] = cell / cell_stride_[a] + first_cell_[a];
       cell %= cell_stride_[a];
     }
     return index;
@@ -206,8 +263,9 @@ class Grid {
  private:
   Vec<Dim> origin_ = Vec<Dim>::Zero(), size_ = Vec<Dim>::Zero();
   Vec<Dim> spacing_ = Vec<Dim>::Zero(), inverse_spacing_ = Vec<Dim>::Zero();
-  Index<Dim> cells_{}, node_stride_{}, cell_stride_{};
-  SmallArray<bool, Dim> periodic_{};
+  Index<Dim> cells_{}, node_stride_{}, cell_stride_{}, node_layers_{}, first_cell_{}, cell_end_{};
+  SmallArray<bool, Dim> periodic_{}, whole_{};
+  NodeBox<Dim> own_{};
   int node_count_ = 0, cell_count_ = 0;
 };
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/halo.hpp"
+#include "talus/core/node_types.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
@@ -55,11 +57,20 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<D
   return of_body + problem.inverse_mass[contact.node].maxCoeff();
 }
 
+/// All ranks visit all contacts of free bodies, each in its own copy: the velocities of the nodes
+/// that they touch come from the owners before.
+template <int Dim>
+void share_touched(DualProblem<Dim>& problem) {
+  if (const Halo* const halo = problem.copies.halo(); halo && !problem.bodies.empty())
+    halo->share_touched(problem.velocity.data(), sizeof(NodeVec<Dim>));
+}
+
 /// One visit of each contact in their order: a projected step r ← P(r − w/L), exact where W = L I,
 /// put into the velocities at once. Returns Σ L |Δr|².
 template <int Dim>
 double update_body_contacts(DualProblem<Dim>& problem) {
   double change2 = 0;
+  share_touched(problem);
   for (BodyContact<Dim>& contact : problem.body_contacts) {
     const Vec<Dim> impulse =
         contact_impulse<Dim>(contact, relative_velocity(problem, contact), contact.inverse_mass);

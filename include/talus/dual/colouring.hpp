@@ -2,8 +2,10 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/halo.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 
@@ -17,6 +19,8 @@ namespace talus {
 /// changes the velocities of its 3^d neighbours, so two blocks of one colour, a whole block apart,
 /// never touch the same velocity, and threads can share a colour without changing a bit of the
 /// result. Along a periodic axis blocks have 2 to 8 nodes, and copies of nodes are in no block.
+/// With several ranks each has whole blocks: what it does to nodes of others goes to them after each
+/// colour. Those blocks come first in their colour, so that there is something to do meanwhile.
 template <int Dim>
 class BlockOrder {
  public:
@@ -26,34 +30,91 @@ class BlockOrder {
 
   BlockOrder() = default;
   explicit BlockOrder(const Grid<Dim>& grid) {
-    SmallArray<Array<int>, Dim> edges; // where blocks begin along each axis
-    Index<Dim> blocks;
+    const NodeBox<Dim>& own = grid.own();
+    Index<Dim> first, blocks; // of this rank
     for (int a = 0; a < Dim; ++a) {
-      Array<int>& edge = edges[a];
-      edge = grid.periodic(a) ? periodic_edges(grid.cells(a)) : closed_edges(grid.cells(a) + 1);
-      blocks[a] = static_cast<int>(edge.size()) - 1;
+      edges_[a] = edges(grid, a);
+      const auto at = [&](int node) {
+        return static_cast<int>(std::lower_bound(edges_[a].begin(), edges_[a].end(), node) -
+                                edges_[a].begin());
+      };
+      first[a] = at(own.begin[a]);
+      blocks[a] = own.empty() ? 0 : at(own.end[a]) - first[a];
     }
-    const auto edge = [&](int a, int block) { return edges[a][block]; };
     for (int colour = 0; colour < colours; ++colour) {
       colour_begin_.push_back(begin_.size());
-      for_each_index(blocks, [&](const Index<Dim>& block) {
-        Index<Dim> count;
-        for (int a = 0; a < Dim; ++a) {
-          if (block[a] % 2 != Grid<Dim>::corner_bit(colour, a))
+      for (const bool border : {true, false}) {
+        for_each_index(blocks, [&](const Index<Dim>& number) {
+          Index<Dim> from, count;
+          bool at_border = false;
+          for (int a = 0; a < Dim; ++a) {
+            const int block = first[a] + number[a];
+            if (block % 2 != Grid<Dim>::corner_bit(colour, a))
+              return;
+            from[a] = edges_[a][block];
+            count[a] = edges_[a][block + 1] - from[a];
+            at_border =
+                at_border || (!grid.whole(a) && (number[a] == 0 || number[a] + 1 == blocks[a]));
+          }
+          if (at_border != border)
             return;
-          count[a] = edge(a, block[a] + 1) - edge(a, block[a]);
-        }
-        begin_.push_back(nodes_.size());
-        for_each_index(count, [&](const Index<Dim>& in_block) {
-          Index<Dim> node;
-          for (int a = 0; a < Dim; ++a)
-            node[a] = edge(a, block[a]) + in_block[a];
-          nodes_.push_back(grid.node(node));
+          begin_.push_back(nodes_.size());
+          for_each_index(count, [&](const Index<Dim>& in_block) {
+            Index<Dim> node;
+            for (int a = 0; a < Dim; ++a)
+              node[a] = from[a] + in_block[a];
+            nodes_.push_back(grid.node(node));
+          });
         });
-      });
+        if (border)
+          border_end_.push_back(begin_.size());
+      }
     }
     colour_begin_.push_back(begin_.size());
     begin_.push_back(nodes_.size());
+  }
+
+  /// Where blocks begin along an axis of the whole grid, and where the last one ends.
+  static Array<int> edges(const Grid<Dim>& grid, int axis) {
+    return grid.periodic(axis) ? periodic_edges(grid.cells(axis))
+                               : closed_edges(grid.cells(axis) + 1);
+  }
+
+  /// A number that sorts the nodes of all ranks in the order in which one rank alone visits them.
+  std::size_t place(const Index<Dim>& node) const {
+    constexpr std::size_t most = 2 * block_edge; // nodes along the edge of a block
+    std::size_t colour = 0, block = 0, in_block = 0, nodes = 1;
+    for (int a = 0; a < Dim; ++a) {
+      const auto after = std::upper_bound(edges_[a].begin(), edges_[a].end(), node[a]);
+      const auto number = static_cast<std::size_t>(after - edges_[a].begin()) - 1;
+      colour = 2 * colour + number % 2;
+      block = block * (edges_[a].size() - 1) + number;
+      in_block = in_block * most + static_cast<std::size_t>(node[a] - *(after - 1));
+    }
+    for (int a = 0; a < Dim; ++a) {
+      colour *= edges_[a].size() - 1;
+      nodes *= most;
+    }
+    return (colour + block) * nodes + in_block;
+  }
+
+  /// The node of a place: the inverse of place().
+  Index<Dim> node_at(std::size_t place) const {
+    constexpr std::size_t most = 2 * block_edge;
+    std::size_t nodes = 1, blocks = 1;
+    for (int a = 0; a < Dim; ++a) {
+      nodes *= most;
+      blocks *= edges_[a].size() - 1;
+    }
+    std::size_t in_block = place % nodes, block = place / nodes % blocks;
+    Index<Dim> node;
+    for (int a = Dim - 1; a >= 0; --a) {
+      const std::size_t along = edges_[a].size() - 1;
+      node[a] = edges_[a][block % along] + static_cast<int>(in_block % most);
+      block /= along;
+      in_block /= most;
+    }
+    return node;
   }
 
   std::size_t blocks() const { return begin_.size() - 1; }
@@ -62,6 +123,8 @@ class BlockOrder {
   const Array<int>& nodes() const { return nodes_; }
   /// Blocks of colour c: colour_begin()[c] .. colour_begin()[c + 1] − 1.
   const Array<std::size_t>& colour_begin() const { return colour_begin_; }
+  /// Where those end, in each colour, that change what other ranks have.
+  const Array<std::size_t>& border_end() const { return border_end_; }
 
  private:
   static Array<int> closed_edges(int nodes) {
@@ -99,9 +162,17 @@ class BlockOrder {
     }
   }
 
+  SmallArray<Array<int>, Dim> edges_;
   Array<int> nodes_;
-  Array<std::size_t> begin_, colour_begin_;
+  Array<std::size_t> begin_, colour_begin_, border_end_;
 };
+
+/// BlockOrder::place of a node by its number; of corner c of a free body, −1 − c: after all nodes.
+template <int Dim>
+std::size_t place_of(const Grid<Dim>& grid, const BlockOrder<Dim>& order, int node) {
+  return node < 0 ? (~std::size_t{0} >> 1U) + static_cast<std::size_t>(-1 - node)
+                  : order.place(grid.node_index(node));
+}
 
 /// Gives the problem a cone for each node that carries one, in the order of the blocks, and sets
 /// its blocks and colours; its contacts are left for the caller to assign. carries(node): does the
@@ -128,45 +199,87 @@ void collect_cones(const BlockOrder<Dim>& order, const Carries& carries, const E
   });
   problem.blocks.clear();
   problem.colour_begin.clear();
+  problem.border_end.clear();
   const Array<std::size_t>& colours = order.colour_begin();
   for (std::size_t colour = 0; colour + 1 < colours.size(); ++colour) {
     problem.colour_begin.push_back(problem.blocks.size());
-    for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b)
+    for (std::size_t b = colours[colour]; b < colours[colour + 1]; ++b) {
+      if (b == order.border_end()[colour])
+        problem.border_end.push_back(problem.blocks.size());
       if (counts[b + 1] > counts[b])
         problem.blocks.push_back({.cone_begin = counts[b], .cone_end = counts[b + 1]});
+    }
+    if (order.border_end()[colour] == colours[colour + 1])
+      problem.border_end.push_back(problem.blocks.size());
   }
   problem.colour_begin.push_back(problem.blocks.size());
+  if (Halo* const halo = problem.copies.halo()) {
+    Array<std::size_t> cones; // where each colour's begin
+    for (const std::size_t first : colours)
+      cones.push_back(counts[first]);
+    halo->set_cones(problem.node, cones);
+  }
 }
 
 /// Calls visit(block) for all blocks, one colour after the other; those of one colour at once, on
-/// threads that have about as many cones each.
-template <int Dim, class Visit>
+/// threads that have about as many cones each. field: a value a node that visits change next to
+/// their cones: other ranks get it after each colour.
+template <int Dim, class Value, class Visit>
 void for_each_block(const DualProblem<Dim>& problem, const Execution& execution,
-                    const Visit& visit) {
-  for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
-    const std::size_t first = problem.colour_begin[colour];
-    const std::size_t count = problem.colour_begin[colour + 1] - first;
+                    Array<Value>& field, const Visit& visit) {
+  const Halo* const halo = problem.copies.halo();
+  const auto visit_range = [&](std::size_t first, std::size_t end) {
     const auto cones_before = [&](std::ptrdiff_t b) {
       return b == 0 ? problem.blocks[first].cone_begin
                     : problem.blocks[first + static_cast<std::size_t>(b) - 1].cone_end;
     };
-    if (count > 0)
-      execution.for_balanced(static_cast<std::ptrdiff_t>(count), cones_before,
-                             [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-                               for (std::ptrdiff_t b = begin; b < end; ++b)
-                                 visit(first + static_cast<std::size_t>(b));
-                             });
+    execution.for_balanced(static_cast<std::ptrdiff_t>(end - first), cones_before,
+                           [&](std::ptrdiff_t begin, std::ptrdiff_t last) {
+                             for (std::ptrdiff_t b = begin; b < last; ++b)
+                               visit(first + static_cast<std::size_t>(b));
+                           });
+  };
+  for (std::size_t colour = 0; colour + 1 < problem.colour_begin.size(); ++colour) {
+    std::size_t first = problem.colour_begin[colour];
+    if (halo) {
+      visit_range(first, problem.border_end[colour]);
+      first = problem.border_end[colour];
+      halo->start_colour(colour, field.data(), sizeof(Value));
+    }
+    visit_range(first, problem.colour_begin[colour + 1]);
+    if (halo)
+      halo->finish_colour(field.data(), sizeof(Value));
   }
 }
 
-/// Calls visit(cone) for all cones; those that share a neighbour never at once.
-template <int Dim, class Visit>
+/// Calls visit(cone) for all cones; those that share a neighbour never at once. field: as
+/// for_each_block.
+template <int Dim, class Value, class Visit>
 void for_each_cone(const DualProblem<Dim>& problem, const Execution& execution,
-                   const Visit& visit) {
-  for_each_block(problem, execution, [&](std::size_t b) {
+                   Array<Value>& field, const Visit& visit) {
+  for_each_block(problem, execution, field, [&](std::size_t b) {
     for (std::size_t i = problem.blocks[b].cone_begin; i < problem.blocks[b].cone_end; ++i)
       visit(i);
   });
+}
+
+/// Σ term(block) over the blocks of all ranks, N sums at once; exact but for the rounding of the
+/// terms, so that it does not depend on ranks and threads. partials: workspace.
+template <int Dim, int N, class Term>
+SmallArray<double, N> sum_over_blocks(const DualProblem<Dim>& problem, const Execution& execution,
+                                      Array<SmallArray<double, N>>& partials, const Term& term) {
+  partials.resize(problem.blocks.size());
+  execution.for_each(std::ssize(problem.blocks),
+                     [&](std::ptrdiff_t b) { partials[b] = term(problem.blocks[b]); });
+  SmallArray<ExactSum, N> sums;
+  for (const SmallArray<double, N>& partial : partials)
+    for (int k = 0; k < N; ++k)
+      sums[k].add(partial[k]);
+  execution.join(sums.begin(), N);
+  SmallArray<double, N> total;
+  for (int k = 0; k < N; ++k)
+    total[k] = sums[k].value();
+  return total;
 }
 
 } // namespace talus

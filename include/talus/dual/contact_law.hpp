@@ -36,8 +36,8 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const Contact<Dim>&
 /// Gives all nodes of a node's place its velocity, after a change.
 template <int Dim>
 void share_velocity(DualProblem<Dim>& problem, int node) {
-  if (problem.periodic.near_copy(node))
-    problem.periodic.share(problem.velocity, node);
+  if (problem.copies.near_copy(node))
+    problem.copies.share(problem.velocity, node);
 }
 
 /// Solves one contact and puts the change of its impulse into the node's velocity; returns w |Δr|²,

@@ -88,10 +88,10 @@ void scatter_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std:
       row[k] += mass_row[k].cwiseProduct(force);
     }
   }
-  if (problem.periodic.near_copy(problem.node[cone]))
+  if (problem.copies.near_copy(problem.node[cone]))
     for (int k = 0; k < ipow(3, Dim); ++k)
       if (!g.col(k).isZero(0)) // what did not change may be an old copy of what did
-        problem.periodic.share(problem.velocity,
+        problem.copies.share(problem.velocity,
                                problem.node[cone] + problem.grid.neighbour_offset(k));
 }
 
@@ -142,7 +142,7 @@ Mat<symmetric_size<Dim>> diagonal_block(const DualProblem<Dim>& problem,
 template <int Dim>
 void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
                     const Execution& execution) {
-  for_each_cone(problem, execution, [&](std::size_t i) {
+  for_each_cone(problem, execution, problem.velocity, [&](std::size_t i) {
     if (!problem.stress_impulse[i].isZero(0))
       scatter_stress(problem, stencil, i, problem.stress_impulse[i]);
   });
@@ -152,8 +152,10 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
       problem.velocity[j][a] += problem.inverse_mass[j][a] * contact.impulse[a];
     share_velocity(problem, contact.node);
   }
+  share_touched(problem);
   for (const BodyContact<Dim>& contact : problem.body_contacts)
     apply_impulse(problem, contact, contact.impulse);
+  problem.copies.copy(problem.velocity, execution);
 }
 
 /// Takes all stresses and impulses out of the velocities and sets them to zero: from u to u_free, a

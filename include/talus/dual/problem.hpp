@@ -4,7 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/node_types.hpp"
-#include "talus/core/periodic_nodes.hpp"
+#include "talus/core/node_copies.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
@@ -44,6 +44,7 @@ struct FreeBody {
 template <int Dim>
 struct BodyContact : Contact<Dim> { ///< node: < 0 on a face, −1 − number of the body's corner
   int body = 0;
+  std::size_t place = 0;           ///< of the node in BlockOrder::place; corners come after all
   Vec<Dim> arm = Vec<Dim>::Zero(); ///< from the centre of mass, m
   double inverse_mass =
       0; ///< a bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg
@@ -69,7 +70,7 @@ struct DualProblem {
   static constexpr int neighbours = ipow(3, Dim);
 
   Grid<Dim> grid;
-  PeriodicNodes<Dim> periodic;      ///< of the grid; `velocity` is the same at all nodes of a place
+  NodeCopies<Dim> copies;           ///< of the grid; `velocity` is the same at all nodes of a place
   Array<NodeVec<Dim>> velocity;     ///< u, #nodes, m/s
   Array<NodeVec<Dim>> inverse_mass; ///< 1/m_j per component, 1/kg; 0 where u is prescribed
 
@@ -88,6 +89,9 @@ struct DualProblem {
 
   Array<Block> blocks;             ///< blocks of one colour share no velocity
   Array<std::size_t> colour_begin; ///< blocks of colour c: colour_begin[c]..colour_begin[c+1]−1
+  /// Where the blocks end, in each colour, whose visits change what other ranks have; they come
+  /// first. #colours.
+  Array<std::size_t> border_end;
 
   /// A velocity typical of this step, max(|g| δt, |u|_max/1000), m/s: what residuals are compared
   /// with where there is no stress to compare with.

@@ -6,6 +6,7 @@
 #include "talus/core/execution.hpp"
 #include "talus/core/small_vectors.hpp"
 #include "talus/dual/body_contact.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/contact_law.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
@@ -40,33 +41,36 @@ class ResidualMeter {
                       const Array<double>& inverse_scales, const Execution& execution) {
     constexpr int n = symmetric_size<Dim>;
     const double speed2 = problem.velocity_scale * problem.velocity_scale;
-    Sums sums = execution.reduce(
-        static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
-        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-          Sums partial;
-          for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
-               ++i) {
-            const double inverse_mass = problem.inverse_mass[problem.node[i]].maxCoeff();
-            if (inverse_mass > 0)
-              partial.least += speed2 / inverse_mass;
-            if (!(inverse_scales[i] > 0))
-              continue; // nothing around it moves
-            Vec<n> gamma = integrated_strain_rate(problem, stencil, i);
-            gamma[0] += problem.free_volume_rate[i];
-            gamma *= inverse_scales[i];
-            partial.add(
-                law_residual(CoulombLaw{}, gamma, problem.stress_impulse[i], problem.opening[i])
-                    .squaredNorm(),
-                problem.stress_impulse[i].squaredNorm(), 1 / inverse_scales[i]);
-          }
-          return partial;
-        },
-        Sums::join);
-
-    for (const Contact<Dim>& contact : problem.contacts) {
-      const Vec<Dim> u = problem.velocity[contact.node].template head<Dim>();
-      add_contact(sums, contact, u, contact_inverse_mass(problem, contact));
-    }
+    worst_.resize(problem.blocks.size());
+    const Block* const first = problem.blocks.data();
+    const auto of_block = [&](const Block& block) {
+      Sums sums;
+      for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+        const double inverse_mass = problem.inverse_mass[problem.node[i]].maxCoeff();
+        if (inverse_mass > 0)
+          sums.least += speed2 / inverse_mass;
+        if (!(inverse_scales[i] > 0))
+          continue; // nothing around it moves
+        Vec<n> gamma = integrated_strain_rate(problem, stencil, i);
+        gamma[0] += problem.free_volume_rate[i];
+        gamma *= inverse_scales[i];
+        sums.add(law_residual(CoulombLaw{}, gamma, problem.stress_impulse[i], problem.opening[i])
+                     .squaredNorm(),
+                 problem.stress_impulse[i].squaredNorm(), 1 / inverse_scales[i]);
+      }
+      for (std::size_t c = block.contact_begin; c < block.contact_end; ++c) {
+        const Contact<Dim>& contact = problem.contacts[c];
+        const Vec<Dim> u = problem.velocity[contact.node].template head<Dim>();
+        add_contact(sums, contact, u, contact_inverse_mass(problem, contact));
+      }
+      worst_[&block - first] = sums.worst;
+      return SmallArray<double, 4>{sums.error, sums.energy, sums.least, sums.count};
+    };
+    const auto total = sum_over_blocks(problem, execution, partials_, of_block);
+    double worst = 0;
+    for (const double of : worst_)
+      worst = of <= worst ? worst : of; // a NaN is kept, not lost
+    Sums sums{total[0], total[1], total[2], execution.largest(worst), total[3]};
     for (const FreeBody<Dim>& body : problem.bodies)
       sums.least += speed2 / body.inverse_mass;
     for (const BodyContact<Dim>& contact : problem.body_contacts)
@@ -84,10 +88,6 @@ class ResidualMeter {
       energy += weight * value2;
       count += 1;
       worst = e <= worst ? worst : e; // a NaN is kept, not lost
-    }
-    static Sums join(const Sums& a, const Sums& b) {
-      return {a.error + b.error, a.energy + b.energy, a.least + b.least,
-              b.worst <= a.worst ? a.worst : b.worst, a.count + b.count};
     }
     Residual residual() const {
       if (error == 0)
@@ -115,7 +115,8 @@ class ResidualMeter {
              lambda.squaredNorm(), inverse_mass);
   }
 
-  Array<Sums> partials_;
+  Array<SmallArray<double, 4>> partials_; ///< #blocks
+  Array<double> worst_;                   ///< #blocks
 };
 
 } // namespace talus

@@ -161,7 +161,7 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     for (int a = 0; a < Dim; ++a)
       axes[a] = periodic[a] != 0;
     problem.grid = Grid<Dim>(box, axes);
-    problem.periodic = PeriodicNodes<Dim>(problem.grid);
+    problem.copies = NodeCopies<Dim>(problem.grid);
   } catch (const std::invalid_argument& error) {
     in.fail(error.what());
   }
@@ -198,8 +198,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
     problem.velocity[j].template head<Dim>() = u;
     problem.inverse_mass[j].template head<Dim>() = w;
   }
-  problem.periodic.copy(problem.velocity, Execution());
-  problem.periodic.copy(problem.inverse_mass, Execution());
+  problem.copies.copy(problem.velocity, Execution());
+  problem.copies.copy(problem.inverse_mass, Execution());
   problem.node.resize(cones);
   problem.gradient_weights.resize(cones);
   problem.free_volume_rate.resize(cones);

@@ -6,6 +6,7 @@
 #include "talus/cone/projection_step.hpp"
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/dual/body_contact.hpp"
 #include "talus/dual/colouring.hpp"
@@ -96,6 +97,7 @@ class GaussSeidel {
     if (report.iterations > 0)
       for (const std::size_t misses : workspace.misses)
         report.local_failures += misses;
+    report.local_failures = execution.sum(report.local_failures);
     report.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return report;
@@ -180,10 +182,11 @@ class GaussSeidel {
     for (int since = 1; unsolved; ++since) {
       sweep(problem, stencil, workspace, execution);
       ++report.iterations;
-      double change2 = workspace.body_change2;
+      ExactSum change2;
       for (const double of_block : workspace.change2)
-        change2 += of_block;
-      const double change = std::sqrt(change2);
+        change2.add(of_block);
+      execution.join(&change2, 1);
+      const double change = std::sqrt(change2.value() + workspace.body_change2);
       const bool last = report.iterations == params_.max_sweeps;
       if (since >= params_.check_every || !(change > enough) || last) {
         since = 0;
@@ -202,7 +205,7 @@ class GaussSeidel {
   template <int Dim>
   void sweep(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, Workspace<Dim>& workspace,
              const Execution& execution) const {
-    for_each_block(problem, execution,
+    for_each_block(problem, execution, problem.velocity,
                    [&](std::size_t b) { visit_block(problem, stencil, workspace, b); });
     workspace.body_change2 = update_body_contacts(problem);
   }
@@ -293,7 +296,7 @@ class GaussSeidel {
                              move(problem.velocity[problem.node[i]], workspace.last_velocity[i]);
                            }
                          });
-    problem.periodic.copy(problem.velocity, execution);
+    problem.copies.copy(problem.velocity, execution);
   }
 
   Params params_{};

@@ -103,7 +103,7 @@ class ViscousSolver {
     multiply(problem, material_volume, factor, u, execution);
     for_each(problem, execution,
              [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
-    problem.periodic.copy(u, execution);
+    problem.copies.copy(u, execution);
     return report;
   }
 
@@ -148,20 +148,19 @@ class ViscousSolver {
   /// Σ of term(node, inverse mass) over the nodes that carry a cone.
   template <class Term>
   Sums sum(const DualProblem<Dim>& problem, const Execution& execution, const Term& term) {
-    return execution.reduce(
-        static_cast<std::ptrdiff_t>(problem.cones()), partials_, Sums{},
-        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-          Sums total;
-          for (std::ptrdiff_t i = begin; i < end; ++i) {
-            const int j = problem.node[i];
-            total = join(total, term(j, problem.inverse_mass[j]));
-          }
-          return total;
-        },
-        join);
-  }
-  static Sums join(const Sums& a, const Sums& b) {
-    return {a.product + b.product, a.left_out + b.left_out, a.mass + b.mass};
+    const auto of_block = [&](const Block& block) {
+      Sums sums;
+      for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+        const int j = problem.node[i];
+        const Sums more = term(j, problem.inverse_mass[j]);
+        sums.product += more.product;
+        sums.left_out += more.left_out;
+        sums.mass += more.mass;
+      }
+      return SmallArray<double, 3>{sums.product, sums.left_out, sums.mass};
+    };
+    const auto total = sum_over_blocks(problem, execution, partials_, of_block);
+    return {total[0], total[1], total[2]};
   }
 
   /// The inverse of the diagonal of M + δt K; sizes the workspace.
@@ -173,7 +172,7 @@ class ViscousSolver {
     residual_.resize(nodes);
     direction_.assign(nodes, Padded::Zero());
     inverse_diagonal_.assign(nodes, Padded::Zero());
-    for_each_cone(problem, execution, [&](std::size_t i) {
+    for_each_cone(problem, execution, inverse_diagonal_, [&](std::size_t i) {
       const int node = problem.node[i];
       const double weight = factor / material_volume[node];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
@@ -183,8 +182,8 @@ class ViscousSolver {
           inverse_diagonal_[node + stencil_.row(r) + k].template head<Dim>().array() +=
               weight / 2 * (g.squaredNorm() + g.array().square());
         }
+      share(problem, i, inverse_diagonal_);
     });
-    problem.periodic.fold(inverse_diagonal_);
     for_each(problem, execution, [&](int j) {
       const Padded& inverse_mass = problem.inverse_mass[j];
       inverse_diagonal_[j] =
@@ -195,11 +194,11 @@ class ViscousSolver {
   /// product_ = δt K v.
   void multiply(const DualProblem<Dim>& problem, const Array<double>& material_volume,
                 double factor, Array<Padded>& v, const Execution& execution) {
-    problem.periodic.copy(v, execution);
+    problem.copies.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       std::fill(product_.begin() + begin, product_.begin() + end, Padded::Zero());
     });
-    for_each_cone(problem, execution, [&](std::size_t i) {
+    for_each_cone(problem, execution, product_, [&](std::size_t i) {
       const int node = problem.node[i];
       const GradientWeights<Dim>& g = problem.gradient_weights[i];
       const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);
@@ -209,13 +208,23 @@ class ViscousSolver {
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k)
           force[stencil_.row(r) + k].template head<Dim>() += stress * g.col(3 * r + k);
+      share(problem, i, product_);
     });
-    problem.periodic.fold(product_);
+  }
+
+  /// Gives all nodes of the places around a cone what it has changed there.
+  static void share(const DualProblem<Dim>& problem, std::size_t cone, Array<Padded>& field) {
+    const int node = problem.node[cone];
+    if (!problem.copies.near_copy(node))
+      return;
+    for (int k = 0; k < Grid<Dim>::neighbours; ++k)
+      if (!problem.gradient_weights[cone].col(k).isZero(0)) // as scatter_stress does
+        problem.copies.share(field, node + problem.grid.neighbour_offset(k));
   }
 
   Stencil<Dim> stencil_;
   Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
-  Array<Sums> partials_;
+  Array<SmallArray<double, 3>> partials_;
 };
 
 } // namespace talus

@@ -12,6 +12,7 @@
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/free_bodies.hpp"
@@ -31,7 +32,7 @@ namespace talus {
 /// Where a contact stands in its list: both lists are sorted by it.
 struct ContactPlace {
   int body = 0;         ///< 0 for contacts of no free body
-  std::size_t node = 0; ///< rank of the node; corners of bodies come after all nodes
+  std::size_t node = 0; ///< place of the node; corners of bodies come after all nodes
   int boundary_id = 0;
 
   friend auto operator<=>(const ContactPlace&, const ContactPlace&) = default;
@@ -157,43 +158,51 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
   });
 }
 
-/// Contacts of the free bodies with nodes that carry cones, and of their corners with faces.
-/// solids: with what each cone sees; time_step: s.
+/// Contacts of the free bodies with the nodes of this rank that carry cones, by body, then node,
+/// without their impulses. solids: with what each cone sees.
 template <int Dim>
-void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
-                           const Array<std::size_t>& node_rank, double time_step,
+void collect_touched_nodes(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
+                           const BlockOrder<Dim>& order, DualProblem<Dim>& problem) {
+  problem.body_contacts.clear();
+  for (const auto& [b, cone] : solids.held_by_bodies(bounds)) {
+    const int node = problem.node[cone];
+    if (!(problem.inverse_mass[node].maxCoeff() > 0))
+      continue; // it cannot move
+    const Index<Dim> index = bounds.grid.node_index(node);
+    const Vec<Dim> x = bounds.grid.node_position(index);
+    BodyContact<Dim> contact;
+    contact.body = static_cast<int>(b);
+    contact.boundary_id = bounds.body_id(b);
+    contact.friction = bounds.bodies[b].friction;
+    contact.node = node;
+    contact.place = order.place(index);
+    contact.normal = solids.in_body(bounds, b, x).normal;
+    contact.arm = minus<Dim>(x, bounds.body_states[b].position);
+    problem.body_contacts.push_back(contact);
+  }
+}
+
+/// Contacts of the free bodies with the nodes that `touched` has, by body, then place, and of their
+/// corners with faces. time_step: s.
+template <int Dim>
+void collect_body_contacts(const Boundaries<Dim>& bounds, const Array<BodyContact<Dim>>& touched,
+                           const BlockOrder<Dim>& order, double time_step,
                            LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
   const Grid<Dim>& grid = bounds.grid;
   problem.body_contacts.clear();
-  const auto add = [&](BodyContact<Dim>& contact) {
-    impulses.warm_start(contact, [&](const BodyContact<Dim>& c) {
-      const std::size_t place =
-          c.node < 0 ? node_rank.size() + static_cast<std::size_t>(-1 - c.node) : node_rank[c.node];
-      return ContactPlace{c.body, place, c.boundary_id};
+  const auto add = [&](BodyContact<Dim> contact) {
+    impulses.warm_start(contact, [](const BodyContact<Dim>& c) {
+      return ContactPlace{c.body, c.place, c.boundary_id};
     });
     contact.inverse_mass = contact_inverse_mass(problem, contact);
     problem.body_contacts.push_back(contact);
   };
-  const auto& held = solids.held_by_bodies(bounds);
-  auto next = held.begin();
+  auto next = touched.begin();
   for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
     const Body<Dim>& body = bounds.bodies[b];
     const RigidState<Dim>& state = bounds.body_states[b];
-    BodyContact<Dim> contact;
-    contact.body = static_cast<int>(b);
-    contact.boundary_id = bounds.body_id(b);
-    contact.friction = body.friction;
-    for (; next != held.end() && next->first == b; ++next) {
-      const int node = problem.node[next->second];
-      if (!(problem.inverse_mass[node].maxCoeff() > 0))
-        continue; // it cannot move
-      const Vec<Dim> x = grid.node_position(node);
-      contact.node = node;
-      contact.normal = solids.in_body(bounds, b, x).normal;
-      contact.arm = minus<Dim>(x, state.position);
-      contact.impulse.setZero();
-      add(contact);
-    }
+    for (; next != touched.end() && next->body == static_cast<int>(b); ++next)
+      add(*next);
     if (has_left(grid, state.position, bounds.body_reach[b]))
       continue; // there is no face out there
     const FreeBody<Dim>& free = problem.bodies[b];
@@ -207,6 +216,7 @@ void collect_body_contacts(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
           const Face& face = upper ? bounds.faces.upper[axis] : bounds.faces.lower[axis];
           BodyContact<Dim> touch;
           touch.node = -1 - static_cast<int>(c);
+          touch.place = place_of(grid, order, touch.node);
           touch.boundary_id = bounds.face_id(axis, upper);
           touch.body = static_cast<int>(b);
           touch.normal[axis] = upper ? 1 : -1;

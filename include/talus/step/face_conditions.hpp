@@ -3,6 +3,7 @@
 
 #include "talus/boundary/faces.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -53,7 +54,7 @@ std::pair<Vec<Dim>, Vec<Dim>> particle_bounds(const Faces<Dim>& faces, const Gri
   return {lower, upper};
 }
 
-/// Particles that left, and their volume, m^d.
+/// Particles that left all ranks, and their volume, m^d.
 struct Outflow {
   std::size_t particles = 0;
   double volume = 0;
@@ -78,7 +79,7 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Exe
       is = is && x[a] >= lower[a] && x[a] <= upper[a];
     return is;
   };
-  outflow.particles = execution.reduce(
+  const std::size_t leaving = execution.reduce(
       static_cast<std::ptrdiff_t>(particles.size()), partials, std::size_t{0},
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
         std::size_t left = 0;
@@ -87,8 +88,10 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Exe
         return left;
       },
       std::plus<>());
+  outflow.particles = execution.sum(leaving);
   if (outflow.particles == 0)
     return outflow;
+  ExactSum volume;
   std::size_t kept = 0;
   for (std::size_t p = 0; p < particles.size(); ++p)
     if (inside(p)) {
@@ -96,9 +99,11 @@ Outflow remove_outflow(const Faces<Dim>& faces, const Grid<Dim>& grid, const Exe
         particles.copy(kept, particles, p);
       ++kept;
     } else {
-      outflow.volume += particles.volume[p];
+      volume.add(particles.volume[p]);
     }
   particles.resize(kept);
+  execution.join(&volume, 1);
+  outflow.volume = volume.value();
   return outflow;
 }
 

@@ -6,6 +6,7 @@
 #include "talus/boundary/signed_distance.hpp"
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
@@ -81,16 +82,18 @@ void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const B
 }
 
 /// Throws std::invalid_argument if a parameter is out of range, a corner is outside of the box, or
-/// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box.
+/// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box, or of
+/// each rank.
 template <int Dim>
 void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<Dim>& faces,
-                      const Array<int>& nodes) {
+                      const Array<int>& nodes, const Execution& execution) {
   body.validate();
   check_rigid_state("a body", body.start);
   const Posed<Dim> placed{body.shape, body.start};
   double thickness = -2 * placed.distance(body.start.position);
   for (const int node : nodes)
     thickness = std::max(thickness, -2 * placed.distance(grid.node_position(node)));
+  thickness = execution.largest(std::max(thickness, 0.0));
   const double least = 2 * grid.spacing().minCoeff();
   if (!(thickness >= least))
     throw_invalid("a body's thickness", thickness, "at least two cells, " + text_of(least) + " m");
@@ -104,10 +107,10 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
 template <int Dim>
 FreeBodies<Dim> start_bodies(const std::vector<Body<Dim>>& bodies, const Grid<Dim>& grid,
                              const Faces<Dim>& faces, const Array<int>& nodes,
-                             Array<RigidState<Dim>>& states) {
+                             const Execution& execution, Array<RigidState<Dim>>& states) {
   FreeBodies<Dim> free;
   for (const Body<Dim>& body : bodies) {
-    check_body_start(body, grid, faces, nodes);
+    check_body_start(body, grid, faces, nodes, execution);
     double radius = 0;
     for (const Vec<Dim>& corner : body.corners)
       radius = std::max(radius, norm<Dim>(corner) + body.corner_radius);

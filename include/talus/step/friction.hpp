@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/symmetric.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/rheology/cohesion.hpp"
@@ -60,7 +61,7 @@ void remove_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double 
 template <Rheology R, int Dim>
 std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& problem,
                                    const Execution& execution, Array<std::size_t>& partials) {
-  return execution.reduce(
+  return execution.sum(execution.reduce(
       std::ssize(problem.node), partials, std::size_t{0},
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
         std::size_t count = 0;
@@ -72,7 +73,7 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
         }
         return count;
       },
-      std::plus<>());
+      std::plus<>()));
 }
 
 /// I_i from the velocities and the stress λ (not λ') that the problem has. material_volume:
@@ -98,16 +99,20 @@ class FrictionIteration {
 
   /// The change that all of next would make to the yield stress μ p, relative, in the mean square.
   template <int Dim>
-  double change(const DualProblem<Dim>& problem) const {
-    double change2 = 0, sum2 = 0;
-    for (std::size_t i = 0; i < problem.cones(); ++i) {
-      const double pressure = problem.stress_impulse[i][0];
-      const double by = (next[i] - problem.opening[i]) * pressure;
-      const double yield = problem.opening[i] * pressure;
-      change2 += by * by;
-      sum2 += yield * yield;
-    }
-    return sum2 > 0 ? std::sqrt(change2 / sum2) : 0;
+  double change(const DualProblem<Dim>& problem, const Execution& execution) {
+    const auto of_block = [&](const Block& block) {
+      double change2 = 0, sum2 = 0;
+      for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
+        const double pressure = problem.stress_impulse[i][0];
+        const double by = (next[i] - problem.opening[i]) * pressure;
+        const double yield = problem.opening[i] * pressure;
+        change2 += by * by;
+        sum2 += yield * yield;
+      }
+      return SmallArray<double, 2>{change2, sum2};
+    };
+    const auto sums = sum_over_blocks(problem, execution, partials_, of_block);
+    return sums[1] > 0 ? std::sqrt(sums[0] / sums[1]) : 0;
   }
 
   /// Chooses the relaxation. first: of this step; change, last_change: see change().
@@ -126,6 +131,7 @@ class FrictionIteration {
 
  private:
   double relaxation_ = 1;
+  Array<SmallArray<double, 2>> partials_;
 };
 
 } // namespace talus

@@ -15,8 +15,11 @@ namespace talus {
 
 /// What a simulation shows of the nodes after a step, beside the problem: #nodes each.
 struct NodeFields {
-  explicit NodeFields(std::size_t nodes)
-      : material_volume(nodes, 0), open_fraction(nodes, 1), inertial_number(nodes, 0) {}
+  void start(std::size_t nodes) {
+    material_volume.assign(nodes, 0);
+    open_fraction.assign(nodes, 1);
+    inertial_number.assign(nodes, 0);
+  }
 
   void swap(NodeFields& other) noexcept {
     material_volume.swap(other.material_volume);
@@ -32,9 +35,13 @@ struct NodeFields {
 /// What a step computes on its way; kept for its memory alone.
 template <int Dim>
 struct StepWorkspace {
-  explicit StepWorkspace(std::size_t nodes)
-      : velocity_before(nodes, NodeVec<Dim>::Zero()), divergence(nodes, 0), cone(nodes, -1),
-        excess(nodes, not_inside), strain(nodes, 0) {}
+  void start(std::size_t nodes) {
+    velocity_before.assign(nodes, NodeVec<Dim>::Zero());
+    divergence.assign(nodes, 0);
+    cone.assign(nodes, -1);
+    excess.assign(nodes, not_inside);
+    strain.assign(nodes, 0);
+  }
 
   CellOrder<Dim> order;
   Array<CellMoments<Dim>> moments;     ///< #cells
@@ -43,6 +50,7 @@ struct StepWorkspace {
   Array<int> cone;                     ///< the cone of a node or −1, #nodes
   Array<double> excess;                ///< φ − 1 or not_inside, #nodes
   Array<double> strain;                ///< |γ̇| δt, #nodes
+  Array<BodyContact<Dim>> touched;     ///< nodes that free bodies touch
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
   Array<std::size_t> counts;           ///< of cones by block; of sums
   Array<double> partials;              ///< of sums and maxima

@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/halo.hpp"
 #include "talus/particles.hpp"
 
 #include <cmath>
@@ -14,10 +15,11 @@ namespace talus {
 
 /// Throws std::invalid_argument if the particles of some 3^d cells (fewer at faces) fill more than
 /// `densest` times their volume: every step of such a scene would converge, with wrong heights.
-/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top.
+/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. halo: how ranks share
+/// nodes, if there are several.
 template <int Dim, class Real>
 void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid,
-                      double densest) {
+                      double densest, const Halo* halo = nullptr) {
   // by the cells' first nodes, whose numbers have room for neighbours on every side
   Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
   Array<int> count(volume.size(), 0);
@@ -26,10 +28,14 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
     volume[first] += particles.volume[p];
     ++count[first];
   }
+  if (halo) {
+    halo->share_nodes(volume.data(), sizeof(double));
+    halo->share_nodes(count.data(), sizeof(int));
+  }
   for (int c = 0; c < grid.cell_count(); ++c) {
     const Index<Dim> cell = grid.cell_index(c);
     const int first = grid.first_node(cell);
-    if (count[first] == 0)
+    if (!grid.own().holds(cell) || count[first] == 0)
       continue;
     double sum = 0, room = grid.cell_volume();
     int particles_there = 0;

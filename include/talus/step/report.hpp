@@ -65,11 +65,11 @@ inline double larger_or_nan(double a, double b) {
   return b <= a || std::isnan(a) ? a : b;
 }
 
-/// The largest of value(cone), at least 0, or NaN if there is one.
+/// The largest of value(cone) over the cones of all ranks, at least 0, or NaN if there is one.
 template <int Dim, class ValueOf>
 double largest_of_cones(const DualProblem<Dim>& problem, const Execution& execution,
                         Array<double>& partials, const ValueOf& value) {
-  return execution.reduce(
+  return execution.largest(execution.reduce(
       static_cast<std::ptrdiff_t>(problem.cones()), partials, 0.0,
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
         double largest = 0;
@@ -77,7 +77,7 @@ double largest_of_cones(const DualProblem<Dim>& problem, const Execution& execut
           largest = larger_or_nan(largest, value(static_cast<std::size_t>(i)));
         return largest;
       },
-      larger_or_nan);
+      larger_or_nan));
 }
 
 /// Largest φ_i of the nodes that carry cones and that no solid takes a part of. partials:

@@ -86,7 +86,7 @@ struct Room {
     next[axis] += way;
     int other = node + way * grid.node_stride(axis);
     if (grid.periodic(axis))
-      other = grid.node(grid.owner(next));
+      other = grid.node(grid.owner(next)); // in another's part: its copy
     else if (next[axis] < 0 || next[axis] > grid.cells(axis) ||
              (next[axis] == 0 && faces.lower[axis].kind != FaceKind::open) ||
              (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::open))

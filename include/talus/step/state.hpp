@@ -27,7 +27,7 @@ struct SimulationState {
   std::size_t steps = 0;                          ///< made so far
   double time_step = 0;                           ///< δt of the last step, s
   Vec<Dim> gravity = Vec<Dim>::Zero();            ///< m/s²
-  Particles<Dim, Real> particles;                 ///< their order counts: sums depend on it
+  Particles<Dim, Real> particles;                 ///< in any order
   Array<Vec<symmetric_size<Dim>>> stress_impulse; ///< λ, #nodes, Pa s: the warm start
   Array<Contact<Dim>> contacts; ///< node, boundary id and impulse of each: the warm start
   Array<RigidState<Dim>> bodies;

@@ -69,7 +69,7 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
     }
     rate = std::max(rate, std::min(of_body, to_box));
   }
-  return cfl / rate;
+  return cfl / execution.largest(rate);
 }
 
 } // namespace talus

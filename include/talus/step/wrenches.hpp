@@ -3,8 +3,10 @@
 
 #include "talus/boundary/faces.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/node_types.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
@@ -12,8 +14,8 @@
 #include "talus/solver/viscous_solver.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/node_fields.hpp"
+#include "talus/transfer/cell_moments.hpp"
 
-#include <algorithm>
 #include <cstddef>
 #include <iterator>
 
@@ -46,21 +48,63 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
       step.density * step.fields.material_volume[node] * (before + step.time_step * step.gravity);
   for (int k = 0; k < neighbours; ++k) {
     const int other = node + problem.grid.neighbour_offset(k);
+    const Vec<symmetric_size<Dim>>& stress = step.stress_impulse[other];
     const int cone = step.work.cone[other];
-    if (cone < 0)
-      continue;
-    momentum += vector_to_symmetric<Dim, double>(step.stress_impulse[other]) *
-                problem.gradient_weights[cone].col(neighbours - 1 - k);
+    if (cone >= 0) {
+      momentum += vector_to_symmetric<Dim, double>(stress) *
+                  problem.gradient_weights[cone].col(neighbours - 1 - k);
+    } else if (problem.copies.halo() && !stress.isZero(0)) {
+      // another rank's: of its g_ij those towards this node come from cells that are here
+      GradientWeights<Dim> g;
+      const Index<Dim> index = problem.grid.owner(problem.grid.node_index(other));
+      gather_coupling(problem.grid, index, step.work.order, step.work.moments, g);
+      momentum += vector_to_symmetric<Dim, double>(stress) * g.col(neighbours - 1 - k);
+    }
   }
   return momentum + step.viscous.impulse(node);
 }
 
+/// Sums of forces and torques by boundary id, over all ranks.
+template <int Dim>
+class WrenchSums {
+ public:
+  explicit WrenchSums(std::size_t sources) : sums_(sources * components) {}
+
+  /// Adds a force (or an impulse) f that acts at x.
+  void add(int boundary_id, const Vec<Dim>& x, const Vec<Dim>& f) {
+    ExactSum* const sums = sums_.data() + components * static_cast<std::size_t>(boundary_id);
+    const Spin<Dim> turn = torque<Dim>(x, f);
+    for (int a = 0; a < Dim; ++a)
+      sums[a].add(f[a]);
+    for (int a = 0; a < spin_size<Dim>; ++a)
+      sums[Dim + a].add(turn[a]);
+  }
+
+  /// All sums of all ranks times `factor`. wrenches: by boundary id.
+  void write(const Execution& execution, double factor, Array<Wrench<Dim>>& wrenches) {
+    execution.join(sums_.data(), static_cast<int>(sums_.size()));
+    for (std::size_t s = 0; s < wrenches.size(); ++s) {
+      for (int a = 0; a < Dim; ++a)
+        wrenches[s].force[a] = factor * value(s, a);
+      for (int a = 0; a < spin_size<Dim>; ++a)
+        wrenches[s].torque[a] = factor * value(s, Dim + a);
+    }
+  }
+
+ private:
+  static constexpr std::size_t components = Dim + spin_size<Dim>;
+  double value(std::size_t source, int component) {
+    return sums_[components * source + static_cast<std::size_t>(component)].value();
+  }
+
+  Array<ExactSum> sums_;
+};
+
 /// Gives the momentum of a node to the faces that hold it. Where several faces that stick meet,
-/// they share the tangential force of their common nodes. inverse_mass: the node's, 0 where held;
-/// wrenches: by boundary id.
+/// they share the tangential force of their common nodes. inverse_mass: the node's, 0 where held.
 template <int Dim>
 void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec<Dim>& inverse_mass,
-                          const Vec<Dim>& momentum, Array<Wrench<Dim>>& wrenches) {
+                          const Vec<Dim>& momentum, WrenchSums<Dim>& sums) {
   const Index<Dim> index = bounds.grid.node_index(node);
   for (int a = 0; a < Dim; ++a) {
     if (inverse_mass[a] != 0)
@@ -82,8 +126,14 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
     if (count > 0)
       share[a] = momentum[a] / count;
     for (int k = 0; k < count; ++k)
-      wrenches[faces[k]].add(bounds.grid.node_position(index), share);
+      sums.add(faces[k], bounds.grid.node_position(index), share);
   }
+}
+
+/// Is the node this rank's own? node: a number in the window or beyond, see Ranks::share_contacts.
+template <int Dim>
+bool owns_node(const Grid<Dim>& grid, int node) {
+  return node < grid.node_count() && grid.own().holds(grid.node_index(node));
 }
 
 /// What every face, obstacle and body feels, the mean over the step: the impulses of its contacts,
@@ -105,29 +155,28 @@ void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step
     if (is_held(problem.node[i]))
       held_momentum[i] = momentum_if_free(step, problem.node[i]);
   });
-  std::fill(wrenches.begin(), wrenches.end(), Wrench<Dim>());
+  WrenchSums<Dim> sums(wrenches.size());
   const auto add_if_held = [&](int node, const Vec<Dim>& momentum) {
-    add_to_holding_faces(bounds, node, problem.inverse_mass[node], momentum, wrenches);
+    add_to_holding_faces(bounds, node, problem.inverse_mass[node], momentum, sums);
   };
   for (std::size_t i = 0; i < problem.cones(); ++i)
     if (is_held(problem.node[i]))
       add_if_held(problem.node[i], held_momentum[i]);
   for (const Contact<Dim>& contact : problem.contacts) {
-    wrenches[contact.boundary_id].add(bounds.grid.node_position(contact.node), -contact.impulse);
+    sums.add(contact.boundary_id, bounds.grid.node_position(contact.node), -contact.impulse);
     add_if_held(contact.node, contact.impulse);
   }
-  for (const BodyContact<Dim>& contact : problem.body_contacts) {
+  for (const BodyContact<Dim>& contact : problem.body_contacts) { // all ranks have all of them
+    if (contact.node >= 0 ? !owns_node(bounds.grid, contact.node) : !execution.first_rank())
+      continue;
     const Vec<Dim> x = bounds.body_states[contact.body].position + contact.arm;
-    wrenches[bounds.body_id(0) + contact.body].add(x, -contact.impulse);
+    sums.add(bounds.body_id(0) + contact.body, x, -contact.impulse);
     if (contact.node >= 0)
       add_if_held(contact.node, contact.impulse);
     else
-      wrenches[contact.boundary_id].add(x, contact.impulse);
+      sums.add(contact.boundary_id, x, contact.impulse);
   }
-  for (Wrench<Dim>& w : wrenches) {
-    w.force /= step.time_step;
-    w.torque /= step.time_step;
-  }
+  sums.write(execution, 1 / step.time_step, wrenches);
 }
 
 } // namespace talus

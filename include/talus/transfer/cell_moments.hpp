@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/halo.hpp"
 #include "talus/core/node_types.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
@@ -232,11 +233,12 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
 }
 
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller;
-/// even: stress acts on full cells evenly.
+/// even: stress acts on full cells evenly; halo: how ranks share cells, if there are several.
 template <ParticleField Field, int Dim, class Real>
 void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                       const Grid<Dim>& grid, const Execution& execution,
-                      Array<CellMoments<Dim>>& moments, bool even = false) {
+                      Array<CellMoments<Dim>>& moments, bool even = false,
+                      const Halo* halo = nullptr) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));
   for_each_filled_cell(execution, order, grid, [&](int c) {
     CellMoments<Dim>& m = moments[c];
@@ -244,10 +246,16 @@ void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim
     if (even)
       even_volume(grid.cell_volume(), m);
   });
+  if (!halo)
+    return;
+  for (const int c : halo->border_cells())
+    if (order.empty(c))
+      moments[c] = {};
+  halo->share_cells(moments.data(), sizeof(CellMoments<Dim>));
 }
 
-/// Calls visit(cell, corner) for each cell of the box that node `index`, an owner, is a corner of,
-/// in a fixed order; `corner` says which one.
+/// Calls visit(cell, corner) for each cell of the window that node `index`, an owner, is a corner
+/// of, in a fixed order; `corner` says which one.
 template <int Dim, class Visit>
 void for_each_cell_of_node(const Grid<Dim>& grid, const Index<Dim>& index, const Visit& visit) {
   using G = Grid<Dim>;
@@ -257,9 +265,9 @@ void for_each_cell_of_node(const Grid<Dim>& grid, const Index<Dim>& index, const
     for (int a = 0; a < Dim; ++a) {
       int& i = cell[a];
       i -= 1 - G::corner_bit(k, a);
-      if (grid.periodic(a) && i < 0)
+      if (i < 0 && grid.periodic(a) && grid.whole(a))
         i += grid.cells(a);
-      inside = inside && i >= 0 && i < grid.cells(a);
+      inside = inside && i >= grid.first_cell(a) && i < grid.cell_end(a);
     }
     if (inside)
       visit(grid.cell(cell), G::corners - 1 - k);

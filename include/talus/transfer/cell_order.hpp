@@ -16,10 +16,11 @@
 
 namespace talus {
 
-/// Lists the particles cell by cell (a stable counting sort of their indices), so that one thread
-/// has all of a cell's particles. The particles themselves are put in that order only when more
-/// than one in sixteen is out of place: few change their cell in a step, and moving all of them
-/// each time would cost more memory traffic than the rest of a transfer.
+/// Lists the particles cell by cell (a counting sort of their indices), so that one thread has all
+/// of a cell's particles; in a cell by their ids, so that sums over them hang neither on what came
+/// before nor on ranks. The particles themselves are put in that order only when more than one in
+/// sixteen is out of place: few change their cell in a step, and moving all of them each time would
+/// cost more memory traffic than the rest of a transfer.
 template <int Dim>
 class CellOrder {
  public:
@@ -27,6 +28,12 @@ class CellOrder {
   template <class Real>
   void update(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const Execution& execution) {
     list(particles, grid, execution);
+    execution.for_balanced(
+        grid.cell_count(), [&](std::ptrdiff_t cell) { return begin_[cell]; },
+        [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+          for (std::ptrdiff_t cell = begin; cell < end; ++cell)
+            sort_cell(particles.id, cell);
+        });
     const std::size_t misplaced = execution.reduce(
         std::ssize(cell_), partials_, std::size_t{0},
         [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -48,9 +55,25 @@ class CellOrder {
   /// The particles of cell c are particle(k) for begin(c) ≤ k < begin(c + 1).
   std::size_t begin(int cell) const { return begin_[cell]; }
   std::size_t particle(std::size_t k) const { return order_[k]; }
-  bool empty(int cell) const { return begin(cell) == begin(cell + 1); }
+  /// Has the cell no particle? Cells that other ranks own count as filled.
+  bool empty(int cell) const {
+    return begin(cell) == begin(cell + 1) && (others_.empty() || !others_[cell]);
+  }
+  /// Says which cells other ranks own: != 0, #cells.
+  void set_others(Array<char> others) { others_ = std::move(others); }
 
  private:
+  /// Puts a cell's part of the list in the order of ids, by insertion: nearly all of it is.
+  void sort_cell(const std::vector<std::size_t>& id, std::ptrdiff_t cell) {
+    for (std::size_t k = begin_[cell] + 1; k < begin_[cell + 1]; ++k) {
+      const std::size_t particle = order_[k];
+      std::size_t to = k;
+      for (; to > begin_[cell] && id[order_[to - 1]] > id[particle]; --to)
+        order_[to] = order_[to - 1];
+      order_[to] = particle;
+    }
+  }
+
   /// A range of the particles that one thread counts and lists, and the cells that they are in.
   struct Part {
     std::size_t begin = 0, end = 0;    ///< particles
@@ -203,11 +226,21 @@ class CellOrder {
   Array<std::size_t> sums_;         ///< #ranges of cells + 1
   Array<std::size_t> partials_;
   Array<std::size_t> order_; ///< #p
+  Array<char> others_;       ///< empty if there is one rank
   Array<char> moved_;
 };
 
-/// Calls visit(cell) for every cell that holds particles; threads have about as many particles
-/// each.
+/// Which cells of the window other ranks own: != 0, #cells.
+template <int Dim>
+Array<char> cells_of_others(const Grid<Dim>& grid) {
+  Array<char> others(static_cast<std::size_t>(grid.cell_count()));
+  for (int c = 0; c < grid.cell_count(); ++c)
+    others[c] = grid.own().holds(grid.cell_index(c)) ? 0 : 1;
+  return others;
+}
+
+/// Calls visit(cell) for every cell that holds particles of this rank; threads have about as many
+/// particles each.
 template <int Dim, class Visit>
 void for_each_filled_cell(const Execution& execution, const CellOrder<Dim>& order,
                           const Grid<Dim>& grid, const Visit& visit) {
@@ -215,7 +248,7 @@ void for_each_filled_cell(const Execution& execution, const CellOrder<Dim>& orde
       grid.cell_count(), [&](std::ptrdiff_t cell) { return order.begin(static_cast<int>(cell)); },
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
         for (int c = static_cast<int>(begin); c < end; ++c)
-          if (!order.empty(c))
+          if (order.begin(c) < order.begin(c + 1))
             visit(c);
       });
 }

@@ -6,7 +6,6 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
-#include "talus/transfer/cell_order.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -25,14 +24,14 @@ inline constexpr double not_inside = std::numeric_limits<double>::infinity();
 /// excess: φ − 1 or not_inside; strain: |γ̇| δt, #nodes of the grid each; rate: a, >= 0; lower,
 /// upper: where particles are held, m.
 template <int Dim, class Real>
-void shift_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                     const Grid<Dim>& grid, const Array<double>& excess,
-                     const Array<double>& strain, double rate, const Vec<Dim>& lower,
-                     const Vec<Dim>& upper, const Execution& execution) {
+void shift_particles(Particles<Dim, Real>& particles, const Grid<Dim>& grid,
+                     const Array<double>& excess, const Array<double>& strain, double rate,
+                     const Vec<Dim>& lower, const Vec<Dim>& upper, const Execution& execution) {
   using G = Grid<Dim>;
-  for_each_filled_cell(execution, order, grid, [&](int cell_number) {
-    for (std::size_t k = order.begin(cell_number); k < order.begin(cell_number + 1); ++k) {
-      Vec<Dim>& x = particles.position[order.particle(k)];
+  execution.for_ranges(std::ssize(particles.position), [&](std::ptrdiff_t begin,
+                                                           std::ptrdiff_t end) {
+    for (std::ptrdiff_t p = begin; p < end; ++p) {
+      Vec<Dim>& x = particles.position[static_cast<std::size_t>(p)];
       const Index<Dim> cell = grid.cell_at(x);
       const int first = grid.first_node(cell);
       double sheared = 0;

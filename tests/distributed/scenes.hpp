@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "../physics/scenes.hpp"
+#include "../support/collapse.hpp"
+
+#include "talus/boundary/body.hpp"
+#include "talus/rheology/viscosity.hpp"
+
+/// \file
+/// Scenes that ranks share in tests: small, but with all that crosses the edges of windows.
+
+namespace scenes {
+
+template <class S>
+struct Scene {
+  typename S::Params params;
+  typename S::ParticleData particles;
+};
+
+/// The coarse B15: gate, frictional side walls, a bed. 2-D cells are half as large.
+template <int Dim>
+Scene<Sim<Dim>> collapse() {
+  const CollapseSetup setup = support::b15();
+  Scene<Sim<Dim>> scene;
+  const double finer = Dim == 2 ? 2 : 1;
+  scene.params = support::collapse_params<Sim<Dim>>(setup, Vec<3>(0.02, 0.02, 0.01) / finer,
+                                                    1.66e-3 / finer);
+  scene.particles =
+      setup.particles<Dim>(Grid<Dim>(scene.params.grid), {.per_axis = Dim == 2 ? 3 : 2});
+  return scene;
+}
+
+/// A ball falls on sand that runs out of the box on one side.
+template <int Dim>
+Scene<Sim<Dim>> impact() {
+  Scene<Sim<Dim>> scene;
+  auto& params = scene.params;
+  params = box<Dim>({0.28, 0.2, 0.2}, {14, 10, 10}, 10, 0.44);
+  params.faces.upper[0].kind = FaceKind::open;
+  params.cfl = 0.5;
+  params.time_step = 5e-3;
+  Vec<Dim> centre = Vec<Dim>::Constant(0.1);
+  centre[up_axis<Dim>] = 0.14;
+  for (const double x : {0.08, 0.2}) {
+    centre[0] = x;
+    auto ball = ball_body<Dim>(centre, 0.04, 3000, 0.3);
+    ball.start.velocity[up_axis<Dim>] = -1;
+    ball.start.angular_velocity[0] = 5;
+    params.bodies.push_back(ball);
+  }
+  scene.particles = block<Dim>(params.grid, 0, 0.28, 0, 0.1, 0.6);
+  return scene;
+}
+
+/// A rate-dependent, slightly viscous flow down an endless slope: periodic along it and, in 3-D,
+/// across; friction from the solution of the step itself, and even packing.
+template <int Dim>
+using Chute = Simulation<Dim, WithViscosity<MuOfI>, PolyPic, GaussSeidel<>>;
+template <int Dim>
+Scene<Chute<Dim>> chute() {
+  Scene<Chute<Dim>> scene;
+  auto& params = scene.params;
+  const auto plain = box<Dim>({0.2, 0.18, 0.12}, {20, 9, 12}, 26, 0.4);
+  params.grid = plain.grid;
+  params.material = plain.material;
+  params.gravity = plain.gravity;
+  params.time_step = 2e-3;
+  params.faces = plain.faces;
+  for (int a = 0; a < up_axis<Dim>; ++a)
+    params.faces.lower[a].kind = params.faces.upper[a].kind = FaceKind::periodic;
+  params.rheology.law.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.28};
+  params.rheology.law.inertial = {.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
+  params.rheology.viscosity = 2;
+  params.friction_updates = 2;
+  params.packing.even = true;
+  scene.particles = block<Dim>(params.grid, 0, 0.2, 0, 0.08, 0.8);
+  // across a seam, so that it does not stay as it is everywhere
+  for (std::size_t p = 0; p < scene.particles.size(); ++p)
+    if (scene.particles.position[p][0] < 0.05)
+      scene.particles.velocity[p][0] = 0.2;
+  return scene;
+}
+
+} // namespace scenes
