@@ -61,8 +61,8 @@ struct Scene {
   Array<int> cone;
   Array<std::size_t> rank;
   SolidsAtCones<Dim> solids;
-  NodeFields fields{0};
-  StepWorkspace<Dim> work{0};
+  NodeFields fields;
+  StepWorkspace<Dim> work;
 
   explicit Scene(const SmallArray<bool, Dim>& periodic = {}) {
     GridParams<Dim> box;
@@ -76,8 +76,8 @@ struct Scene {
     problem.inverse_mass.assign(nodes, NodeVec<Dim>::Zero());
     cone.assign(nodes, -1);
     rank.assign(nodes, 0);
-    fields = NodeFields(nodes);
-    work = StepWorkspace<Dim>(nodes);
+    fields.start(nodes);
+    work.start(nodes);
   }
   Boundaries<Dim> bounds() const { return {grid, faces, obstacles, bodies, states, reach, 0}; }
 

@@ -138,7 +138,10 @@ void check_body_contacts() {
   s.look();
   Array<BodyContact<Dim>> last;
   const auto collect = [&](double ratio) {
-    collect_body_contacts(s.bounds(), s.solids, s.rank, 0.125, {last, ratio}, s.problem);
+    const BlockOrder<Dim> order(s.grid);
+    collect_touched_nodes(s.bounds(), s.solids, order, s.problem);
+    const Array<BodyContact<Dim>> touched = s.problem.body_contacts;
+    collect_body_contacts(s.bounds(), touched, order, 0.125, {last, ratio}, s.problem);
   };
   const auto& contacts = s.problem.body_contacts;
   const auto check = [&](std::size_t c, int node, int id, const Vec<Dim>& normal, double friction) {
@@ -376,7 +379,9 @@ TEST_CASE("wrenches: which face holds a node") {
   Scene<3> s;
   const auto forces = [&](const Index<3>& index, const NodeVec<3>& inverse_mass) {
     Array<Wrench<3>> wrenches(s.bounds().sources());
-    add_to_holding_faces<3>(s.bounds(), s.grid.node(index), inverse_mass, {2, 4, 6}, wrenches);
+    WrenchSums<3> sums(wrenches.size());
+    add_to_holding_faces<3>(s.bounds(), s.grid.node(index), inverse_mass, {2, 4, 6}, sums);
+    sums.write(Execution(), 1, wrenches);
     const Vec<3> x = s.grid.node_position(index);
     std::vector<Vec<3>> force;
     for (const Wrench<3>& w : wrenches) {

@@ -166,12 +166,13 @@ TEST_CASE("friction: the iteration's change, relaxation and update") {
   Scene<2> s;
   s.add_cone(2, 1), s.add_cone(2, 2);
   s.problem.opening = {0.5, 0.5};
+  s.problem.blocks = {{.cone_begin = 0, .cone_end = 1}, {.cone_begin = 1, .cone_end = 2}};
   FrictionIteration iteration;
   iteration.next = {1, 0.5};
-  CHECK(iteration.change(s.problem) == 0); // without stress
+  CHECK(iteration.change(s.problem, Execution()) == 0); // without stress
   s.problem.stress_impulse[0][0] = 6;
   s.problem.stress_impulse[1][0] = 8;
-  CHECK(iteration.change(s.problem) == about(3.0 / 5)); // of μ p: 3 and 0, of 3 and 4
+  CHECK(iteration.change(s.problem, Execution()) == about(3.0 / 5)); // of μ p: 3 and 0, of 3 and 4
   iteration.choose_relaxation(true, 1, 0);
   iteration.update(s.problem);
   CHECK(s.problem.opening == Array<double>{1, 0.5});
@@ -326,7 +327,7 @@ TEST_CASE("free bodies: their start") {
   ball.start.angular_velocity[0] = held.start.angular_velocity[0] = 3;
   held.rotates = false;
   Array<RigidState<2>> start;
-  const FreeBodies<2> free = start_bodies<2>({ball, held}, s.grid, s.faces, nodes, start);
+  const FreeBodies<2> free = start_bodies<2>({ball, held}, s.grid, s.faces, nodes, Execution(), start);
   CHECK(free.radius == Array<double>{0.25, 0.25});
   CHECK(free.reach[0] == about(std::sqrt(2) * 0.25));
   CHECK(start[0].angular_velocity[0] == 3);
@@ -336,7 +337,7 @@ TEST_CASE("free bodies: their start") {
   const auto refused = [&](const Vec<2>& centre, double radius) {
     const Body<2> body = ball_body<2>(centre, radius, 1000, 0.3);
     return message_of<std::invalid_argument>(
-        [&] { start_bodies<2>({body}, s.grid, s.faces, nodes, start); });
+        [&] { start_bodies<2>({body}, s.grid, s.faces, nodes, Execution(), start); });
   };
   CHECK(refused({1.25, 1}, 0.25) == "(nothing thrown)"); // it passes through the open floor
   CHECK(refused({1.125, 1.5}, 0.25) ==

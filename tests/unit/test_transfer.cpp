@@ -265,8 +265,7 @@ void check_shifting() {
   };
   const auto shifted = [&](double rate) {
     Particles<Dim> after = particles;
-    shift_particles(after, order, grid, excess, strains, rate, grid.origin(), grid.upper(),
-                    Execution());
+    shift_particles(after, grid, excess, strains, rate, grid.origin(), grid.upper(), Execution());
     return after;
   };
   set(0, 0.01);

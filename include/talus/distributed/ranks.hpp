@@ -246,6 +246,7 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     }
     std::map<std::size_t, int> number; // of the nodes by place
     problem.body_contacts.clear();
+    problem.inverse_mass.resize(static_cast<std::size_t>(grid.node_count())); // no others' any more
     for (Touched& touched : all) {
       const auto [at, added] = number.emplace(touched.contact.place, -1);
       if (added) {
