@@ -74,7 +74,8 @@ double surface_angle(const Sim& sim, double tilt_deg) {
 
 template <int Dim>
 int run(const Options& options) {
-  using Sim = talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
+  using Sim = support::OnRanks<
+      talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>>;
   const bool reference = options.resolution == "reference";
   const double friction_angle = degrees(std::atan(options.friction));
   // Whole multiples of the step around the friction angle.

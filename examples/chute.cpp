@@ -17,7 +17,8 @@
 namespace {
 
 template <int Dim>
-using Sim = talus::Simulation<Dim, talus::MuOfI, talus::PolyPic, talus::GaussSeidel<>>;
+using Sim =
+    support::OnRanks<talus::Simulation<Dim, talus::MuOfI, talus::PolyPic, talus::GaussSeidel<>>>;
 
 /// The flow as far as it is known: pressure rises with the depth y below the surface as ρ g cos θ
 /// y, and the friction that is left for the material is tan θ − µ_w y/W.

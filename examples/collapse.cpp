@@ -150,7 +150,8 @@ void print_beside(const char* what, const json& measured, const json& published,
 
 template <int Dim, class Solver>
 int run(const Options& options, const Case& collapse) {
-  using Sim = talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>;
+  using Sim = support::OnRanks<
+      talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
   const bool reference = options.resolution == "reference";
   talus::CollapseSetup setup = collapse.setup;
   setup.validate();
@@ -375,6 +376,8 @@ int run_collapse(Options options) {
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
     talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
   talus::require_positive("--max-time", options.max_time);
+  if (!options.record_problems.empty() && support::RanksOfProgram::count() > 1)
+    throw std::invalid_argument("--record-problem goes with one rank");
   for (const std::size_t number : options.record_problems)
     if (number < 1)
       talus::throw_invalid("--record-problem", number, "the number of a step, >= 1");

@@ -4,9 +4,12 @@
 #
 #     sh examples/run.sh              lists the examples
 #     sh examples/run.sh NAME [ARGUMENTS OF THE PROGRAM...]
+#     sh examples/run.sh NAME --ranks N [ARGUMENTS...]     on N processes, through MPI
 #
 # Results go to out/NAME in the project's folder unless --out says otherwise. Installs what is
-# missing (see setup.sh). The exit status is that of the program.
+# missing (see setup.sh). The exit status is that of the program. MPIRUN="mpirun OPTIONS..." gives
+# options of one's own to the command that starts ranks; each has one thread unless --threads says
+# otherwise.
 set -eu
 
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
@@ -45,12 +48,41 @@ if [ $known = no ]; then
   exit 2
 fi
 
+# --ranks is not the program's: take it out.
+ranks='' threads='' expected=''
+count=$#
+while [ "$count" -gt 0 ]; do
+  argument=$1 count=$((count - 1))
+  shift
+  if [ "$expected" = yes ]; then
+    ranks=$argument expected=''
+    continue
+  fi
+  case $argument in
+    --ranks) expected=yes ;;
+    --ranks=*) ranks=${argument#--ranks=} ;;
+    --threads | --threads=*) threads=given; set -- "$@" "$argument" ;;
+    *) set -- "$@" "$argument" ;;
+  esac
+done
+case $expected$ranks in
+  *[!0-9]* | 0*)
+    echo "--ranks is \"$ranks\"; allowed: an integer >= 1" >&2
+    exit 2 ;;
+esac
+
 sh "$here/setup.sh" examples
+mpi=OFF
+if [ -n "$ranks" ]; then
+  sh "$here/setup.sh" ranks
+  mpi=ON build=$root/build/mpi
+  [ -n "$threads" ] || set -- "$@" --threads 1
+fi
 
 # The compiler's best for this very machine, where it knows how; not for jobs, which run on others. The
 # name of the processor has everything built anew on another one that shares the folder.
 flags=-O3
-if [ "$build" = "$root/build/release" ] &&
+if [ "$build" != "$root/build/portable" ] &&
   echo 'int main() {}' | ${CXX:-c++} -march=native -x c++ -c -o /dev/null - 2> /dev/null; then
   processor=$(grep -m 1 -E '^(flags|Features)' /proc/cpuinfo 2> /dev/null | cksum | cut -d ' ' -f 1)
   flags="-O3 -march=native -DTALUS_PROCESSOR=$processor"
@@ -62,7 +94,7 @@ mkdir -p "$build"
 started=$build/started-$name # what is newer is of this run
 : > "$started"
 cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS="$flags ${CXXFLAGS:-}" \
-  -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=ON > "$build/configure.log" 2>&1 || {
+  -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=ON -DTALUS_EXAMPLES_MPI=$mpi > "$build/configure.log" 2>&1 || {
   cat "$build/configure.log" >&2
   exit 1
 }
@@ -82,8 +114,26 @@ if [ -z "$out" ]; then
   set -- --out "$out" "$@"
 fi
 
+start=
+if [ -n "$ranks" ]; then
+  start="${MPIRUN:-mpirun} -n $ranks"
+  # Open MPI refuses root, and more ranks than cores, unless told: here both are what was asked for.
+  if [ "$(id -u)" = 0 ]; then
+    export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+  fi
+  export OMPI_MCA_rmaps_base_oversubscribe=1
+  if [ "$ranks" -gt "$(getconf _NPROCESSORS_ONLN)" ]; then
+    export OMPI_MCA_mpi_yield_when_idle=1
+  fi
+  if grep -q 'support/sweep.hpp' "$here/$name.cpp"; then
+    export TALUS_MPIRUN="$start" # a study: it starts its runs like that
+    start=
+  fi
+fi
+
 status=0
-"$build/examples/$name" "$@" || status=$?
+# shellcheck disable=SC2086 # a command with arguments
+$start "$build/examples/$name" "$@" || status=$?
 
 # Only what this run left counts: not after --help or an early failure.
 if [ -n "$(find "$out/summary.json" -newer "$started" 2> /dev/null)" ]; then

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 # Makes sure that what the tests, the examples or the benchmarks need is there:
 #
-#     sh examples/setup.sh tests | examples | bench
+#     sh examples/setup.sh tests | examples | bench | ranks
 #
 # Looks for each thing itself (a command, a header), so nothing is installed or updated when all is
 # there. What is missing comes from apt-get, as root or through sudo. Where that cannot be, says what
@@ -48,6 +48,7 @@ has_compiler() {
     char text[9]; auto end = std::to_chars(text, text + 9, 0.5);' |
     ${CXX:-c++} -std=c++20 -fsyntax-only -x c++ - 2> /dev/null
 }
+has_mpi() { has mpirun && { has mpicxx || has mpic++; }; }
 has_make() { has ninja || has make; }
 has_python() { find_python > /dev/null; }
 
@@ -57,6 +58,10 @@ check_needed() {
   need cmake 'CMake 3.22 or newer' has cmake
   need make 'make or ninja' has_make
   need libeigen3-dev 'Eigen 3.4' has_header Eigen/Core
+  if [ "$1" = ranks ]; then
+    need 'openmpi-bin libopenmpi-dev' 'MPI (mpirun and its headers)' has_mpi
+    return
+  fi
   if [ "$1" = tests ]; then
     need doctest-dev doctest has_header doctest/doctest.h
   elif [ "$1" = bench ]; then
@@ -71,7 +76,7 @@ check_needed() {
 
 # Adds what is only for the pictures.
 check_wanted() {
-  [ "$1" = tests ] && return
+  case $1 in tests | ranks) return ;; esac
   need 'python3 python3-numpy python3-matplotlib' 'Python 3 with numpy and matplotlib (for the pictures)' has_python
 }
 
@@ -95,8 +100,8 @@ say_what_is_missing() {
 }
 
 case $1 in
-  tests | examples | bench) ;;
-  *) echo "usage: sh $0 tests | examples | bench" >&2; exit 2 ;;
+  tests | examples | bench | ranks) ;;
+  *) echo "usage: sh $0 tests | examples | bench | ranks" >&2; exit 2 ;;
 esac
 
 check_needed "$1"

@@ -19,6 +19,7 @@ struct TomlAssertion {};
 #include <toml++/toml.h>
 #pragma pop_macro("NDEBUG")
 
+#include "ranks.hpp"
 #include "whole_numbers.hpp"
 
 #include "talus/core/error.hpp"
@@ -209,10 +210,11 @@ inline nlohmann::json options_of(const CLI::App& app) {
 template <class Body>
 int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
   check_numbers(app);
+  const RanksOfProgram ranks{};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    const int status = app.exit(error);
+    const int status = RanksOfProgram::first() ? app.exit(error) : error.get_exit_code();
     return status == 0 ? 0 : 2;
   }
   detail::arguments.assign(argv, argv + argc);
@@ -221,13 +223,19 @@ int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
     if (std::signal(signal, detail::on_interrupt) == SIG_IGN)
       std::signal(signal, SIG_IGN); // as nohup wants it
   const std::string name = fs::path(argv[0]).filename().string();
+  const auto say = [&](const std::exception& error) { // what all ranks meet, one says
+    if (RanksOfProgram::first())
+      std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
+  };
   try {
     return body();
+  } catch (const Served&) {
+    return 0;
   } catch (const std::invalid_argument& error) {
-    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
+    say(error);
     return 2;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s: %s\n", name.c_str(), error.what());
+    say(error);
     return 1;
   }
 }

@@ -230,11 +230,12 @@ class Run {
                     {"status", status},
                     {"inputs", checkpoints_.inputs()},
                     {"threads", sim_.params().threads},
+                    {"ranks", ranks_json(sim_)},
                     {"solver", statistics_.solver_json()},
                     {"seconds", statistics_.phase_json()},
                     {"steps", sim_.steps()},
                     {"wall_seconds", seconds()},
-                    {"state_checksum", talus::state_checksum(sim_.particles())}};
+                    {"state_checksum", checksum()}};
     summary.update(results);
     write_json(summary_file(), summary);
   }
@@ -264,6 +265,13 @@ class Run {
   }
 
  private:
+  std::string checksum() const {
+    if constexpr (requires { sim_.fingerprint(); })
+      return talus::checksum_text(sim_.fingerprint());
+    else
+      return talus::state_checksum(sim_.particles());
+  }
+
   struct Table {
     std::string name;
     talus::CsvWriter writer{};

@@ -30,7 +30,7 @@ namespace support {
 /// The simulation of these programs: one law, one solver, so that they compile fast.
 template <int Dim>
 using SceneSimulation =
-    talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>;
+    OnRanks<talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>>;
 
 /// What it holds when add_scene_options is called is the default.
 struct SceneOptions {

@@ -26,6 +26,7 @@
 #include <fstream>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <sys/file.h>
@@ -220,7 +221,13 @@ class Sweep {
   }
 
   std::vector<std::string> command(const Job& job, int threads) const {
-    std::vector<std::string> words = {TALUS_PROGRAMS_DIR "/" + job.program};
+    std::vector<std::string> words;
+    if (const char* const before = std::getenv("TALUS_MPIRUN")) { // see run.sh --ranks
+      std::istringstream text_of_it(before);
+      for (std::string word; text_of_it >> word;)
+        words.push_back(word);
+    }
+    words.push_back(TALUS_PROGRAMS_DIR "/" + job.program);
     if (!options_.resolution.empty())
       words.insert(words.end(), {"--resolution", options_.resolution});
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
@@ -237,7 +244,7 @@ class Sweep {
     const std::string log = (folder(job) / "log.txt").string();
     std::vector<char*> arguments;
     for (const std::string& word : words)
-      arguments.push_back(const_cast<char*>(word.c_str())); // execv's old signature
+      arguments.push_back(const_cast<char*>(word.c_str())); // execvp's old signature
     arguments.push_back(nullptr);
     const pid_t parent = getpid();
     const pid_t child = fork();
@@ -245,7 +252,7 @@ class Sweep {
       throw std::system_error(errno, std::generic_category(), "cannot start " + words[0]);
     if (child > 0)
       return child;
-    // From here to execv only what is safe in a forked process.
+    // From here to execvp only what is safe in a forked process.
     for (const int lock : detail::locks)
       close(lock); // the sweep's own: a new sweep need not wait for this one's runs
 #if defined(__linux__)
@@ -262,7 +269,7 @@ class Sweep {
       _exit(1);
     dup2(file, STDOUT_FILENO);
     dup2(file, STDERR_FILENO);
-    execv(arguments[0], arguments.data());
+    execvp(arguments[0], arguments.data());
     _exit(127);
   }
 

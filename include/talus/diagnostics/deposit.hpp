@@ -28,17 +28,17 @@ double volume_quantile(const Particles<Dim, Real>& particles, double share,
   if (!(share >= 0 && share <= 1))
     throw_invalid("volume_quantile: share", share, "a number in [0, 1]");
   std::vector<std::pair<double, double>> parts; // x, volume
-  double total = 0;
   for (std::size_t p = 0; p < particles.size(); ++p) {
     const Vec<Dim>& x = particles.position[p];
-    if (x[0] > beyond && x[up_axis<Dim>] > above) {
+    if (x[0] > beyond && x[up_axis<Dim>] > above)
       parts.emplace_back(x[0], static_cast<double>(particles.volume[p]));
-      total += parts.back().second;
-    }
   }
   if (parts.empty())
     return std::numeric_limits<double>::quiet_NaN();
   std::ranges::sort(parts); // by volume, too: the order of the particles does not count
+  double total = 0;
+  for (const auto& part : parts)
+    total += part.second;
   double last_x = parts.front().first, last_sum = 0, sum = 0;
   for (const auto& [x, volume] : parts) {
     const double middle = sum + volume / 2;

@@ -159,6 +159,8 @@ double mean_surface_height(const Flow& flow) {
 /// Largest speed of a particle, m/s.
 template <class Flow>
 double largest_speed(const Flow& flow) {
+  if constexpr (requires { flow.largest_speed(); }) // of ranks, without gathering particles
+    return flow.largest_speed();
   double largest = 0;
   for (const auto& v : flow.particles().velocity)
     largest = std::max(largest, v.squaredNorm());
@@ -168,6 +170,8 @@ double largest_speed(const Flow& flow) {
 /// Last coordinate of the highest particle, m; -infinity without any.
 template <class Flow>
 double highest_particle(const Flow& flow) {
+  if constexpr (requires { flow.highest_particle(); })
+    return flow.highest_particle();
   double highest = -std::numeric_limits<double>::infinity();
   for (const auto& x : flow.particles().position)
     highest = std::max<double>(highest, x[up_axis<Flow::dimension>]);

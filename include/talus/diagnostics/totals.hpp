@@ -1,40 +1,48 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 
 #include <cstddef>
 
 /// \file
-/// What all particles are together.
+/// What all particles are together, whatever their order.
 
 namespace talus {
+
+/// Σ V_p term(p).
+template <int Dim, class Real, class Term>
+double volume_sum(const Particles<Dim, Real>& particles, const Term& term) {
+  ExactSum sum;
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    sum.add(static_cast<double>(particles.volume[p]) * term(p));
+  return sum.value();
+}
 
 /// Σ V_p, m^d.
 template <int Dim, class Real>
 double total_volume(const Particles<Dim, Real>& particles) {
-  double sum = 0;
-  for (const Real volume : particles.volume)
-    sum += static_cast<double>(volume);
-  return sum;
+  return volume_sum(particles, [](std::size_t) { return 1; });
 }
 
 /// Σ V_p x_p / Σ V_p, m; not a number without particles.
 template <int Dim, class Real>
 Vec<Dim> centre_of_mass(const Particles<Dim, Real>& particles) {
-  Vec<Dim> sum = Vec<Dim>::Zero();
-  for (std::size_t p = 0; p < particles.size(); ++p)
-    sum += static_cast<double>(particles.volume[p]) * particles.position[p];
+  Vec<Dim> sum;
+  for (int a = 0; a < Dim; ++a)
+    sum[a] = volume_sum(particles, [&](std::size_t p) { return particles.position[p][a]; });
   return sum / total_volume(particles);
 }
 
 /// Σ V_p v_p / Σ V_p, m/s; not a number without particles.
 template <int Dim, class Real>
 Vec<Dim> mean_velocity(const Particles<Dim, Real>& particles) {
-  Vec<Dim> sum = Vec<Dim>::Zero();
-  for (std::size_t p = 0; p < particles.size(); ++p)
-    sum += static_cast<double>(particles.volume[p]) * particles.velocity[p].template cast<double>();
+  Vec<Dim> sum;
+  for (int a = 0; a < Dim; ++a)
+    sum[a] = volume_sum(
+        particles, [&](std::size_t p) { return static_cast<double>(particles.velocity[p][a]); });
   return sum / total_volume(particles);
 }
 
@@ -42,11 +50,9 @@ Vec<Dim> mean_velocity(const Particles<Dim, Real>& particles) {
 /// mixed derivatives) is not counted.
 template <int Dim, class Real>
 double kinetic_energy(const Particles<Dim, Real>& particles, double density) {
-  double sum = 0;
-  for (std::size_t p = 0; p < particles.size(); ++p)
-    sum += static_cast<double>(particles.volume[p]) *
-           particles.velocity[p].template cast<double>().squaredNorm() / 2;
-  return density * sum;
+  return density * volume_sum(particles, [&](std::size_t p) {
+           return particles.velocity[p].template cast<double>().squaredNorm() / 2;
+         });
 }
 
 /// −ρ Σ V_p g·x_p, J (2-D: J/m); 0 at the origin of the coordinates. density: ρ, kg/m³; gravity:
@@ -54,10 +60,9 @@ double kinetic_energy(const Particles<Dim, Real>& particles, double density) {
 template <int Dim, class Real>
 double potential_energy(const Particles<Dim, Real>& particles, double density,
                         const Vec<Dim>& gravity) {
-  double sum = 0;
-  for (std::size_t p = 0; p < particles.size(); ++p)
-    sum += static_cast<double>(particles.volume[p]) * gravity.dot(particles.position[p]);
-  return -density * sum;
+  return -density * volume_sum(particles, [&](std::size_t p) {
+           return gravity.dot(particles.position[p]);
+         });
 }
 
 } // namespace talus

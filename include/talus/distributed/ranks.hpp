@@ -132,14 +132,21 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     return whole;
   }
 
+  /// All particles on rank 0, sorted by their ids; on the others none. Collective.
+  Particles<Dim, Real> gather_particles(const Particles<Dim, Real>& part) const {
+    Array<Message> out(1);
+    put_particles(part, all_of(part), out[0].bytes);
+    Particles<Dim, Real> all = sorted_by_id(communicator_->deliver(out));
+    all.next_id = part.next_id;
+    return all;
+  }
+
   /// The state of the whole grid on rank 0, as a simulation on one rank has it, particles sorted by
   /// their ids; on the others an empty one. Collective.
   SimulationState<Dim, Real> gather(const SimulationState<Dim, Real>& part) const {
     const Grid<Dim> grid = window();
+    Particles<Dim, Real> particles = gather_particles(part.particles);
     Array<Message> out(1);
-    put_particles(part.particles, all_of(part.particles), out[0].bytes);
-    Array<Message> particles = communicator_->deliver(out);
-    out[0].bytes.clear();
     const BlockOrder<Dim> own_order(grid);
     for (const int node : own_order.nodes())
       if (!part.stress_impulse[node].isZero(0)) {
@@ -163,8 +170,7 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     whole.gravity = part.gravity;
     whole.bodies = part.bodies;
     whole.body_contacts = part.body_contacts;
-    whole.particles = sorted_by_id(particles);
-    whole.particles.next_id = part.particles.next_id;
+    whole.particles = std::move(particles);
     const Grid<Dim> all(params_, periodic_);
     const BlockOrder<Dim> order(all);
     whole.stress_impulse.assign(static_cast<std::size_t>(all.node_count()),
@@ -269,8 +275,57 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     halo_->set_touched(std::move(peers));
   }
 
+  /// A state as bytes, for other ranks.
+  static void put_state(const SimulationState<Dim, Real>& state, Array<char>& bytes) {
+    put(bytes, state.time);
+    put(bytes, state.steps);
+    put(bytes, state.time_step);
+    put(bytes, state.gravity);
+    put(bytes, state.particles.next_id);
+    Array<char> particles;
+    put_particles(state.particles, all_of(state.particles), particles);
+    put_all(bytes, particles);
+    put_all(bytes, state.stress_impulse);
+    put_all(bytes, state.contacts);
+    put_all(bytes, state.bodies);
+    put_all(bytes, state.body_contacts);
+  }
+  static SimulationState<Dim, Real> take_state(const Array<char>& bytes) {
+    SimulationState<Dim, Real> state;
+    Taker taker(bytes);
+    taker.take(state.time);
+    taker.take(state.steps);
+    taker.take(state.time_step);
+    taker.take(state.gravity);
+    const auto next_id = taker.template take<std::size_t>();
+    Array<char> particles;
+    take_all(taker, particles);
+    if (!particles.empty())
+      add_particles(particles, state.particles);
+    state.particles.next_id = next_id;
+    take_all(taker, state.stress_impulse);
+    take_all(taker, state.contacts);
+    take_all(taker, state.bodies);
+    take_all(taker, state.body_contacts);
+    return state;
+  }
+
  private:
   int rank() const { return communicator_->rank(); }
+
+  template <class Value>
+  static void put_all(Array<char>& bytes, const Array<Value>& values) {
+    put(bytes, values.size());
+    for (const Value& value : values)
+      put(bytes, value);
+  }
+  template <class Value>
+  static void take_all(Taker& taker, Array<Value>& values) {
+    values.resize(taker.template take<std::size_t>());
+    for (Value& value : values)
+      taker.take(value);
+  }
+
   Grid<Dim> window() const { return Grid<Dim>(params_, periodic_, own()); }
 
   std::size_t largest(std::size_t value) const {

@@ -1,0 +1,321 @@
+// SPDX-License-Identifier: MIT
+#pragma once
+
+#include "talus/core/array.hpp"
+#include "talus/core/execution.hpp"
+#include "talus/core/grid.hpp"
+#include "talus/core/types.hpp"
+#include "talus/diagnostics/checksum.hpp"
+#include "talus/distributed/bytes_of.hpp"
+#include "talus/distributed/mpi.hpp"
+#include "talus/distributed/ranks.hpp"
+#include "talus/step/report.hpp"
+#include "talus/step/state.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <limits>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+namespace talus::distributed {
+
+/// Thrown out of the constructor of Shared on all ranks but the first, when that one is done with
+/// the simulation: there is nothing more to do there but to end the program with status 0.
+struct Served {};
+
+/// A simulation on all ranks of MPI that is used from rank 0 alone, as if it were there as a whole:
+/// a program written for one process, whose files, tables and messages are those of one process.
+///
+///     distributed::Shared<Simulation<3, …>> sim(params, particles); // instead of Simulation<3, …>
+///
+/// Rank 0 goes on with the program; the others make the same simulation and serve it until it is
+/// destroyed, then throw Served. particles(), the nodal fields and state() are gathered when they
+/// are asked for, once a step, so rank 0 needs memory for all that the program looks at. A program
+/// that must not gather makes its own measurements on each rank's part, see Ranks.
+///
+/// If a step throws, on whatever rank, the program ends on all of them with its message, by
+/// MPI_Abort: what the others wait for would never come.
+template <class Sim>
+class Shared {
+ public:
+  static constexpr int dimension = Sim::dimension;
+  using Params = typename Sim::Params;
+  using ParticleData = typename Sim::ParticleData;
+  using Real = typename ParticleData::Scalar;
+
+  /// As the simulation's own, on all ranks with the same arguments; params.ranks is set here.
+  Shared(Params params, ParticleData particles, Dealing dealing = {})
+      : mpi_(std::make_shared<Mpi>()),
+        ranks_(std::make_shared<Ranks<dimension, Real>>(mpi_, dealing)),
+        grid_(params.grid, params.faces.periodic()) {
+    params.ranks = ranks_;
+    part_.emplace(std::move(params), std::move(particles));
+    if (mpi_->rank() > 0) {
+      serve();
+      throw Served();
+    }
+  }
+  ~Shared() {
+    if (mpi_->rank() == 0)
+      command(Command::end);
+  }
+  Shared(const Shared&) = delete;
+  Shared& operator=(const Shared&) = delete;
+
+  StepReport step() {
+    return step([](const auto&) {});
+  }
+  /// before_solve gets rank 0's part of the problem.
+  template <class BeforeSolve>
+  StepReport step(const BeforeSolve& before_solve) {
+    command(Command::step);
+    particles_.reset();
+    fields_.reset();
+    return try_step(before_solve);
+  }
+  void set_gravity(const Vec<dimension>& gravity) {
+    check_gravity("gravity", gravity);
+    command(Command::gravity);
+    Message message;
+    put(message.bytes, gravity);
+    broadcast(std::move(message.bytes));
+    part_->set_gravity(gravity);
+  }
+
+  double time() const { return part_->time(); }
+  double time_step() const { return part_->time_step(); }
+  std::size_t steps() const { return part_->steps(); }
+  const Vec<dimension>& gravity() const { return part_->gravity(); }
+  const Params& params() const { return part_->params(); }
+  const Grid<dimension>& grid() const { return grid_; } ///< the whole one
+  const auto& bodies() const { return part_->bodies(); }
+  decltype(auto) face_wrench(int axis, bool upper) const { return part_->face_wrench(axis, upper); }
+  decltype(auto) obstacle_wrench(std::size_t o) const { return part_->obstacle_wrench(o); }
+  decltype(auto) body_wrench(std::size_t body) const { return part_->body_wrench(body); }
+
+  /// All particles, sorted by their ids.
+  const ParticleData& particles() const {
+    if (!particles_) {
+      command(Command::particles);
+      particles_.emplace(ranks_->gather_particles(part_->state().particles));
+    }
+    return *particles_;
+  }
+
+  // Nodal fields, see Simulation.
+  double volume_fraction(const Index<dimension>& node) const { return at(node).volume_fraction; }
+  Vec<dimension> velocity(const Index<dimension>& node) const { return at(node).velocity; }
+  Mat<dimension> stress(const Index<dimension>& node) const { return at(node).stress; }
+  double pressure(const Index<dimension>& node) const { return stress(node).trace() / dimension; }
+  double inertial_number(const Index<dimension>& node) const { return at(node).inertial_number; }
+
+  /// The state of the whole grid, as restore() takes it on any number of ranks.
+  SimulationState<dimension, Real> state() const {
+    command(Command::state);
+    return ranks_->gather(part_->state());
+  }
+  void restore(SimulationState<dimension, Real> state) {
+    command(Command::restore);
+    Array<char> bytes;
+    ranks_->put_state(state, bytes);
+    broadcast(std::move(bytes));
+    part_->restore(std::move(state)); // throws on all ranks or on none
+    particles_.reset();
+    fields_.reset();
+  }
+
+  /// Largest |v_p|, m/s, and how high the highest particle is, m, without gathering them.
+  double largest_speed() const {
+    command(Command::largest_speed);
+    return largest_speed_of_all();
+  }
+  double highest_particle() const {
+    command(Command::highest_particle);
+    return highest_of_all();
+  }
+  /// See state_fingerprint().
+  std::uint64_t fingerprint() const {
+    command(Command::fingerprint);
+    return fingerprint_of_all();
+  }
+
+  /// Ranks, messages and bytes that this one has sent, and the largest load over the mean.
+  const Mpi& mpi() const { return *mpi_; }
+  const Ranks<dimension, Real>& ranks() const { return *ranks_; }
+
+ private:
+  enum class Command : std::int64_t {
+    end = 1,
+    step,
+    gravity,
+    particles,
+    fields,
+    state,
+    restore,
+    largest_speed,
+    highest_particle,
+    fingerprint
+  };
+
+  struct Node {
+    double volume_fraction = 0;
+    Vec<dimension> velocity = Vec<dimension>::Zero();
+    Mat<dimension> stress = Mat<dimension>::Zero();
+    double inertial_number = 0;
+  };
+
+  /// Tells the other ranks what is done next.
+  void command(Command what) const {
+    auto code = static_cast<std::int64_t>(what);
+    mpi_->sum(&code, 1);
+  }
+  Command next_command() const {
+    std::int64_t code = 0;
+    mpi_->sum(&code, 1);
+    return static_cast<Command>(code);
+  }
+
+  /// Rank 0 gives, and all others get, the same bytes.
+  Array<char> broadcast(Array<char> bytes = {}) const {
+    Array<Message> out;
+    if (mpi_->rank() == 0)
+      for (int to = 1; to < mpi_->size(); ++to) {
+        out.emplace_back();
+        out.back().rank = to;
+        out.back().bytes = bytes;
+      }
+    Array<Message> in = mpi_->deliver(out);
+    return in.empty() ? Array<char>() : std::move(in[0].bytes);
+  }
+
+  void serve() {
+    for (Command what = next_command(); what != Command::end; what = next_command()) {
+      switch (what) {
+      case Command::step:
+        static_cast<void>(try_step([](const auto&) {}));
+        break;
+      case Command::gravity: {
+        const Array<char> bytes = broadcast();
+        part_->set_gravity(Taker(bytes).template take<Vec<dimension>>());
+        break;
+      }
+      case Command::particles:
+        static_cast<void>(ranks_->gather_particles(part_->state().particles));
+        break;
+      case Command::fields:
+        static_cast<void>(gather_fields());
+        break;
+      case Command::state:
+        static_cast<void>(ranks_->gather(part_->state()));
+        break;
+      case Command::restore: {
+        const Array<char> bytes = broadcast();
+        try {
+          part_->restore(ranks_->take_state(bytes));
+        } catch (const std::invalid_argument&) { // NOLINT: rank 0 has thrown the same
+        }
+        break;
+      }
+      case Command::largest_speed:
+        static_cast<void>(largest_speed_of_all());
+        break;
+      case Command::highest_particle:
+        static_cast<void>(highest_of_all());
+        break;
+      case Command::fingerprint:
+        static_cast<void>(fingerprint_of_all());
+        break;
+      case Command::end:
+        break;
+      }
+    }
+  }
+
+  template <class BeforeSolve>
+  StepReport try_step(const BeforeSolve& before_solve) {
+    if (mpi_->size() == 1)
+      return part_->step(before_solve);
+    try {
+      return part_->step(before_solve);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "rank %d: %s\n", mpi_->rank(), error.what());
+    } catch (...) {
+      std::fprintf(stderr, "rank %d: an exception of unknown type\n", mpi_->rank());
+    }
+    std::fflush(nullptr);
+    MPI_Abort(MPI_COMM_WORLD, 1);
+    std::terminate();
+  }
+
+  double largest_speed_of_all() const {
+    double largest2 = 0;
+    for (const auto& v : part_->particles().velocity)
+      largest2 = std::max(largest2, v.template cast<double>().squaredNorm());
+    return std::sqrt(Execution(1, mpi_.get()).largest(largest2));
+  }
+  double highest_of_all() const {
+    double highest = -std::numeric_limits<double>::infinity();
+    for (const Vec<dimension>& x : part_->particles().position)
+      highest = std::max(highest, x[up_axis<dimension>]);
+    // numbers below 0 are ordered against their bits
+    auto key = std::bit_cast<std::int64_t>(highest);
+    const std::int64_t below = std::numeric_limits<std::int64_t>::min();
+    key = key < 0 ? below - key : key;
+    mpi_->maximum(&key, 1);
+    return std::bit_cast<double>(key < 0 ? below - key : key);
+  }
+  std::uint64_t fingerprint_of_all() const {
+    auto sum = static_cast<std::int64_t>(state_fingerprint(part_->particles()));
+    mpi_->sum(&sum, 1);
+    return static_cast<std::uint64_t>(sum);
+  }
+
+  const Node& at(const Index<dimension>& node) const {
+    if (!fields_) {
+      command(Command::fields);
+      fields_.emplace(gather_fields());
+    }
+    return (*fields_)[grid_.node(grid_.owner(node))];
+  }
+  Array<Node> gather_fields() const {
+    Array<Message> out(1);
+    const BlockOrder<dimension> order(part_->grid());
+    for (const int node : order.nodes()) {
+      const Index<dimension> index = part_->grid().node_index(node);
+      const double fraction = part_->volume_fraction(index);
+      if (!(fraction > 0))
+        continue;
+      put(out[0].bytes, index);
+      put(out[0].bytes, Node{fraction, part_->velocity(index), part_->stress(index),
+                             part_->inertial_number(index)});
+    }
+    const Array<Message> in = mpi_->deliver(out);
+    Array<Node> fields;
+    if (mpi_->rank() != 0)
+      return fields;
+    fields.assign(static_cast<std::size_t>(grid_.node_count()), Node());
+    for (const Message& message : in)
+      for (Taker taker(message.bytes); !taker.at_end();) {
+        const Index<dimension> index = taker.template take<Index<dimension>>();
+        taker.take(fields[grid_.node(index)]);
+      }
+    return fields;
+  }
+
+  std::shared_ptr<Mpi> mpi_;
+  std::shared_ptr<Ranks<dimension, Real>> ranks_;
+  Grid<dimension> grid_;
+  std::optional<Sim> part_; ///< this rank's
+  mutable std::optional<ParticleData> particles_;
+  mutable std::optional<Array<Node>> fields_;
+};
+
+} // namespace talus::distributed
