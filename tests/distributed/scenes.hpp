@@ -53,6 +53,19 @@ Scene<Sim<Dim>> impact() {
   return scene;
 }
 
+/// A block that slides from one end of a long box to the other, so that other ranks get the load.
+template <int Dim>
+Scene<Sim<Dim>> sliding_block() {
+  Scene<Sim<Dim>> scene;
+  scene.params = box<Dim>({0.96, 0.08, 0.08}, {48, 4, 4}, 0, 0.44);
+  scene.params.faces.lower[up_axis<Dim>].kind = FaceKind::free_slip;
+  scene.params.time_step = 2e-3;
+  scene.particles = block<Dim>(scene.params.grid, 0, 0.32, 0, 0.06, 0.5);
+  for (auto& v : scene.particles.velocity)
+    v[0] = 2;
+  return scene;
+}
+
 /// A rate-dependent, slightly viscous flow down an endless slope: periodic along it and, in 3-D,
 /// across; friction from the solution of the step itself, and even packing.
 template <int Dim>

@@ -13,7 +13,7 @@
 
 #include <doctest/doctest.h>
 
-#include <algorithm>
+#include <cstdint>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -36,6 +36,11 @@ std::string checksum(const S& sim) {
 template <class S>
 std::shared_ptr<distributed::Ranks<S::dimension>> ranks(distributed::Dealing dealing = {}) {
   return std::make_shared<distributed::Ranks<S::dimension>>(mpi, dealing);
+}
+
+std::int64_t most_of_ranks(std::int64_t value) {
+  mpi->maximum(&value, 1);
+  return value;
 }
 
 /// What a step leaves that is not in the particles.
@@ -68,14 +73,16 @@ void check_same(const S& alone, const StepReport& one, const S& shared, const St
 }
 
 /// Steps a scene on one rank and on all, and goes on from the shared state with both half way.
+/// Returns how often the grid was dealt.
 template <class S>
-void check_scene(scenes::Scene<S> scene, int steps) {
+std::size_t check_scene(scenes::Scene<S> scene, int steps) {
   S alone(scene.params, scene.particles);
   const auto team = ranks<S>({.interval = 10, .imbalance = 1.05});
   scene.params.ranks = team;
+  scene.params.threads = 1 + mpi->rank() % 2; // every other rank has two
   S shared(scene.params, scene.particles);
-  std::size_t here = shared.particles().size();
   CHECK(team->communicator().size() == mpi->size());
+  CHECK(most_of_ranks(shared.grid().node_count()) <= alone.grid().node_count());
   for (int step = 1; step <= steps; ++step) {
     const StepReport one = alone.step(), report = shared.step();
     check_same(alone, one, shared, report);
@@ -95,20 +102,100 @@ void check_scene(scenes::Scene<S> scene, int steps) {
       CHECK(checksum(shared) == checksum(alone));
     }
   }
-  here = std::max(here, shared.particles().size());
-  MESSAGE("rank " << mpi->rank() << " of " << mpi->size() << ": up to " << here << " of "
-                  << scene.particles.size() << " particles, dealt " << team->times_dealt()
-                  << " times");
+  return team->times_dealt();
 }
 
 } // namespace
 
-TEST_CASE("ranks: a collapse behind a gate, 2-D") { check_scene(scenes::collapse<2>(), 200); }
-TEST_CASE("ranks: a collapse behind a gate, 3-D") { check_scene(scenes::collapse<3>(), 200); }
-TEST_CASE("ranks: bodies fall on what runs out, 2-D") { check_scene(scenes::impact<2>(), 100); }
-TEST_CASE("ranks: bodies fall on what runs out, 3-D") { check_scene(scenes::impact<3>(), 60); }
-TEST_CASE("ranks: an endless chute, 2-D") { check_scene(scenes::chute<2>(), 200); }
-TEST_CASE("ranks: an endless chute, 3-D") { check_scene(scenes::chute<3>(), 40); }
+TEST_CASE("ranks: a collapse behind a gate, 2-D") {
+  check_scene(scenes::collapse<2>(), 200);
+}
+TEST_CASE("ranks: a collapse behind a gate, 3-D") {
+  check_scene(scenes::collapse<3>(), 200);
+}
+TEST_CASE("ranks: bodies fall on what runs out, 2-D") {
+  check_scene(scenes::impact<2>(), 100);
+}
+TEST_CASE("ranks: bodies fall on what runs out, 3-D") {
+  check_scene(scenes::impact<3>(), 60);
+}
+TEST_CASE("ranks: an endless chute, 2-D") {
+  check_scene(scenes::chute<2>(), 200);
+}
+TEST_CASE("ranks: an endless chute, 3-D") {
+  check_scene(scenes::chute<3>(), 40);
+}
+
+TEST_CASE("ranks: the grid is dealt again when the load has moved") {
+  // once at the start and once for the restored state
+  CHECK((check_scene(scenes::sliding_block<2>(), 120) > 2) == (mpi->size() > 1));
+  CHECK((check_scene(scenes::sliding_block<3>(), 60) > 2) == (mpi->size() > 1));
+}
+
+TEST_CASE("ranks: each gives others' particles, its own, or all; never some twice") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  const std::string all = state_checksum(scene.particles);
+  const auto shared_out = [&](const auto& is_mine) {
+    S::ParticleData mine;
+    for (std::size_t p = 0; p < scene.particles.size(); ++p)
+      if (is_mine(p)) {
+        mine.resize(mine.size() + 1);
+        mine.copy(mine.size() - 1, scene.particles, p);
+      }
+    mine.next_id = scene.particles.next_id;
+    scene.params.ranks = ranks<S>();
+    return S(scene.params, mine);
+  };
+  const auto ranks_count = static_cast<std::size_t>(mpi->size());
+  const auto rank = static_cast<std::size_t>(mpi->rank());
+  CHECK(checksum(shared_out([](std::size_t) { return true; })) == all);
+  CHECK(checksum(shared_out([&](std::size_t p) { return p % ranks_count == rank; })) == all);
+  CHECK(checksum(shared_out([&](std::size_t) { return rank == 0; })) == all);
+  if (mpi->size() > 1)
+    CHECK_THROWS_AS(shared_out([&](std::size_t p) { return rank == 0 || p < 3; }),
+                    std::invalid_argument);
+}
+
+TEST_CASE("ranks: an empty box, and one that holds less blocks than there are ranks") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  scene.params.grid.size = {0.06, 0.06};
+  scene.params.grid.cells = {3, 3}; // one block
+  scene.params.ranks = ranks<S>();
+  S empty(scene.params, {});
+  CHECK(empty.step().completed());
+  S::ParticleData one;
+  one.add({0.03, 0.03}, {0.1, 0}, 1e-4);
+  scene.params.ranks = nullptr;
+  S alone(scene.params, one);
+  scene.params.ranks = ranks<S>();
+  S shared(scene.params, one);
+  for (int step = 0; step < 20; ++step) {
+    const StepReport report = alone.step();
+    check_same(alone, report, shared, shared.step());
+  }
+  CHECK(checksum(shared) == checksum(alone));
+  const std::int64_t owners = shared.particles().empty() ? 0 : 1;
+  CHECK(most_of_ranks(owners) == 1);
+}
+
+TEST_CASE("ranks: wrong input is refused on all of them") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  CHECK_THROWS_AS(ranks<S>({.interval = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(ranks<S>({.interval = 1, .imbalance = 0.9}), std::invalid_argument);
+  const auto refused = [&](const auto& change) {
+    scenes::Scene<S> wrong = scene;
+    change(wrong);
+    wrong.params.ranks = ranks<S>();
+    CHECK_THROWS_AS(S(wrong.params, wrong.particles), std::invalid_argument);
+  };
+  refused([](auto& wrong) { wrong.params.grid.cells[0] = 0; });
+  refused([](auto& wrong) { wrong.particles.position[5][0] = 7; });
+  refused([](auto& wrong) { wrong.particles.id[5] = wrong.particles.id[6]; });
+  refused([](auto& wrong) { wrong.params.time_step = -1; });
+}
 
 int main(int argc, char** argv) {
   MPI_Init(&argc, &argv);
