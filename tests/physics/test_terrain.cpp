@@ -80,7 +80,7 @@ TEST_CASE("a layer on a tilted map slides or stays as on the plane") {
     const Vec<3> start = centre_of_mass(on_map.particles());
     const double mass = total_volume(on_map.particles()) * 1500;
     Vec<3> force = Vec<3>::Zero();
-    constexpr int steps = 100;
+    constexpr int steps = 60;
     for (int n = 0; n < steps; ++n) {
       CHECK(on_map.step().completed());
       CHECK(on_shape.step().completed());
