@@ -136,7 +136,7 @@ int main(int argc, char** argv) {
 
     // The map's corner is the corner of the box. All else of the map stays in its coordinates.
     talus::require_positive("--cell", scene.cell);
-    const Raster terrain = read_heights(read.terrain, scene.cell);
+    const Raster terrain = read_heights(read.terrain, scene.cell / 2);
     const Vec<2> origin(terrain.x, terrain.y);
     const talus::BilinearMap ground(terrain, origin);
     const talus::Polygon area = talus::read_polygon(read.release).moved(-origin[0], -origin[1]);

@@ -83,7 +83,7 @@ class Movie:
         self.frames = (Maps(folder) if (folder / "maps.csv").is_file() else
                        Sections(folder, picture))
         room = WIDTH - 2.4  # for axis and colour bar
-        wide = min(room, 6 / self.frames.ratio)
+        wide = max(min(room, 6 / self.frames.ratio), 0.5)
         high = self.frames.ratio * wide
         self.size = [2 * round(50 * inches) / 100 for inches in (wide + 2.4, high + 1.5)]  # even dots
         self.figure = plt.figure(figsize=self.size, dpi=100)
@@ -130,7 +130,7 @@ def make(folder, gif, still):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(usage=__doc__, add_help=False)
+    parser = argparse.ArgumentParser(usage="movie.py DIR [--gif] [--still SECONDS]", add_help=False)
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--gif", action="store_true")
     parser.add_argument("--still", type=float)

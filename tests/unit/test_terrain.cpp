@@ -388,7 +388,7 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
   CHECK(release.distance({2, 1.95, middle + 0.3}) == about(-0.05, 1e-9));
   CHECK(release.distance({1000, 1.5, 0}) == 997); // no height asked
 
-  const Grid<3> grid({.origin = {0, 0, 0}, .size = {4, 4, 4}, .cells = {20, 20, 20}});
+  const Grid<3> grid({.origin = {0, 0, 0}, .size = {4, 4, 4}, .cells = {10, 10, 10}});
   Particles<3> sand;
   fill(sand, grid, release, {.per_axis = 3});
   double volume = 0;
@@ -419,9 +419,9 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
   CHECK(speed.at(1, 1) == 5);
   CHECK(speed.at(2, 1) == 1);
   CHECK(speed.at(3, 1) == 0);
-  cells.x += 1.5; // particles beside the map do not count
+  cells.x += 2; // particles beside the map do not count
   const Raster part = depth_map(sand, cells, origin);
-  CHECK(std::accumulate(part.values.begin(), part.values.end(), 0.0) == about(1.5 * 0.8, 0.01));
+  CHECK(std::accumulate(part.values.begin(), part.values.end(), 0.0) == about(0.8, 0.01));
 
   CHECK(contains(message_of<std::invalid_argument>(
                      [&] { Release({.area = area, .bottom = height, .cell = 1}); }),
