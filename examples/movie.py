@@ -24,13 +24,15 @@ import matplotlib.patches
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, GroundMap, at_time, read_table, round_ticks, section_image
+from plotting import SPEED, GroundMap, at_time, colour_bar, read_table, section_image
 
 WIDTH = 9.6  # inches, at 100 dots each
 
 
 class Sections:
     """The speed in sections.csv."""
+    label = "speed (m/s)"
+
     def __init__(self, folder, picture):
         self.outlines = picture.get("outlines", [])
         self.table = read_table(folder / "sections.csv",
@@ -42,13 +44,6 @@ class Sections:
         speeds = self.table["speed_m_s"][self.table["volume_fraction"] >= 0.5]
         fastest = max(np.percentile(speeds, 99.8) if speeds.size else 0, 1e-3)
         self.norm = matplotlib.colors.PowerNorm(0.5, vmin=0, vmax=fastest, clip=True)
-
-    def colour_bar(self, figure, axes, image):
-        bar = figure.colorbar(image, cax=axes, extend="max")
-        bar.set_label("speed (m/s)")
-        bar.set_ticks(round_ticks(self.norm.vmax))
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.minorticks_off()
 
     def draw(self, axes, time):
         section = at_time(self.table, time)
@@ -67,6 +62,8 @@ class Sections:
 
 class Maps(GroundMap):
     """The depth in maps.csv, on the terrain."""
+    label = "depth (m)"
+
     def draw(self, axes, time):
         image = super().draw(axes, time)
         axes.set(xlabel="x (m)", ylabel="y (m)")
@@ -79,7 +76,7 @@ class Movie:
             summary = json.load(file)
         picture = summary.get("picture", {})
         self.program = summary["program"]
-        self.title = picture.get("title", self.program)
+        self.title = picture.get("title", self.program.capitalize())
         self.frames = (Maps(folder) if (folder / "maps.csv").is_file() else
                        Sections(folder, picture))
         room = WIDTH - 2.4  # for axis and colour bar
@@ -95,7 +92,7 @@ class Movie:
         image = self.frames.draw(axes, time)
         left, bottom, wide, high = self.box
         bar = self.figure.add_axes([left + wide + 0.15 / self.size[0], bottom, 0.15 / self.size[0], high])
-        self.frames.colour_bar(self.figure, bar, image)
+        colour_bar(self.figure, bar, image, self.frames.label)
         self.figure.text(0.5, 1 - 0.25 / self.size[1], self.title, ha="center", va="center",
                          weight="bold", fontsize=14)
 

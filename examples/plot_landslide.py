@@ -15,7 +15,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-from plotting import GroundMap, choose_times, read_table, run
+from plotting import GroundMap, choose_times, colour_bar, read_table, run
 
 WIDTH = 13.0  # inches, at 100 dots each
 LEFT, RIGHT, GAP = 1.1, 1.2, 0.5
@@ -49,7 +49,7 @@ def draw(folder):
             place.set_ylabel("y (m)")
         if k + columns >= len(times):
             place.set_xlabel("x (m)")
-    ground.colour_bar(figure, axes(WIDTH - RIGHT + 0.15, 1.25, 0.18, map_height), image)
+    colour_bar(figure, axes(WIDTH - RIGHT + 0.15, 1.25, 0.18, map_height), image, "depth (m)")
     top = 1.25 + rows * (map_height + 0.75) + 0.4
     half = (WIDTH - LEFT - 0.4 - 1.0) / 2
     for k, (curves, label) in enumerate((

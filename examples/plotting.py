@@ -96,7 +96,7 @@ def round_ticks(highest, gap=0.11):
         if tick <= highest and (
                 math.sqrt(above) - math.sqrt(tick) > gap * math.sqrt(highest)):
             ticks.append(float(f"{tick:.3g}"))
-    return [0, *(t for t in reversed(ticks) if t > max(0.01, gap * gap) * highest)]
+    return [0, *(t for t in reversed(ticks) if t > 0.01 * (gap / 0.11) ** 2 * highest)]
 
 
 def read_grid(path):
@@ -114,6 +114,16 @@ def read_grid(path):
     return x, y, np.ma.masked_equal(values, float(header["nodata_value"]))
 
 
+def colour_bar(figure, axes, image, label):
+    """Of what is drawn with a square-root scale, with as many ticks as there is room for."""
+    bar = figure.colorbar(image, cax=axes, extend="max")
+    bar.set_label(label)
+    height = axes.get_position().height * figure.get_figheight()  # inches
+    bar.set_ticks(round_ticks(image.norm.vmax, max(0.11, 0.25 / height)))
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.minorticks_off()
+
+
 class GroundMap:
     """What lies on a terrain, drawn on its relief, in the coordinates of the map."""
 
@@ -127,15 +137,8 @@ class GroundMap:
         gaps = np.diff(np.unique(self.table["x_m"]))
         self.cell = gaps.min() if gaps.size else self.x[1] - self.x[0]
 
-    def colour_bar(self, figure, axes, image):
-        bar = figure.colorbar(image, cax=axes, extend="max")
-        bar.set_label("depth (m)")
-        bar.set_ticks(round_ticks(self.norm.vmax, 0.2))
-        bar.ax.yaxis.set_major_formatter("{x:g}")
-        bar.minorticks_off()
-
     def draw(self, axes, time):
-        """At the snapshot nearest to `time`; returns what colour_bar takes."""
+        """At the snapshot nearest to `time`; returns the image, for colour_bar."""
         light = matplotlib.colors.LightSource(azdeg=315, altdeg=40)
         cell = self.x[1] - self.x[0]
         relief = light.hillshade(self.heights.filled(np.nan), dx=cell, dy=cell)
