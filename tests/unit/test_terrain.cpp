@@ -386,7 +386,14 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
   CHECK(release.distance({2, 1.5, middle + 0.9}) == about(0.1 / steep, 1e-9));
   CHECK(release.distance({2, 2.07, middle + 0.3}) == about(0.07, 1e-9));
   CHECK(release.distance({2, 1.95, middle + 0.3}) == about(-0.05, 1e-9));
-  CHECK(release.distance({1000, 1.5, 0}) == 997); // no height asked
+  const auto nothing = [](const Vec<3>&) { return none; };
+  const Release no_data(
+      {.area = area.moved(-origin[0], -origin[1]), .bottom = nothing, .top = nothing, .cell = 0.1});
+  CHECK(no_data.distance({1000, 1.5, 0}) == 997); // no height asked
+  CHECK(contains(message_of<std::invalid_argument>([&] {
+                   static_cast<void>(no_data.distance({2, 1.5, 0}));
+                 }),
+                 "the height at x = (2, 1.5, 0) m is nan"));
 
   const Grid<3> grid({.origin = {0, 0, 0}, .size = {4, 4, 4}, .cells = {10, 10, 10}});
   Particles<3> sand;
@@ -402,26 +409,27 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
   }
   CHECK(volume == about(2 * 1 * 0.8, 1e-3));
 
-  Raster cells{4, 4, origin[0], origin[1], 1, std::vector<double>(16)};
+  Raster cells{8, 8, origin[0], origin[1], 0.5, std::vector<double>(64)};
   const Raster depth = depth_map(sand, cells, origin);
   CHECK(depth.x == origin[0]); // back in the map's coordinates
   double sum = 0;
-  for (int j = 0; j < 4; ++j)
-    for (int i = 0; i < 4; ++i) {
-      sum += depth.at(i, j);
-      const bool there = j == 1 && (i == 1 || i == 2);
-      CHECK(std::abs(depth.at(i, j) - (there ? 0.8 : 0)) < 0.01);
+  for (int j = 0; j < 8; ++j)
+    for (int i = 0; i < 8; ++i) {
+      sum += depth.at(i, j) * 0.25;
+      const bool there = j >= 2 && j < 4 && i >= 2 && i < 6;
+      CHECK(std::abs(depth.at(i, j) - (there ? 0.8 : 0)) < 0.25); // particles are 0.13 m apart
     }
   CHECK(sum == about(volume));
-  for (std::size_t p = 0; p < sand.size(); ++p)
-    sand.velocity[p] = sand.position[p][0] < 2 ? Vec<3>(0, 3, 4) : Vec<3>(0, 0, 1);
+  for (Vec<3>& v : sand.velocity)
+    v = {0, 0, 1};
+  sand.velocity[0] = {0, 3, 4}; // at the corner
   const Raster speed = speed_map(sand, cells, origin);
-  CHECK(speed.at(1, 1) == 5);
-  CHECK(speed.at(2, 1) == 1);
-  CHECK(speed.at(3, 1) == 0);
+  CHECK(speed.at(2, 2) == 5);
+  CHECK(speed.at(5, 2) == 1);
+  CHECK(speed.at(6, 2) == 0);
   cells.x += 2; // particles beside the map do not count
   const Raster part = depth_map(sand, cells, origin);
-  CHECK(std::accumulate(part.values.begin(), part.values.end(), 0.0) == about(0.8, 0.01));
+  CHECK(std::accumulate(part.values.begin(), part.values.end(), 0.0) * 0.25 == about(0.8, 0.01));
 
   CHECK(contains(message_of<std::invalid_argument>(
                      [&] { Release({.area = area, .bottom = height, .cell = 1}); }),
