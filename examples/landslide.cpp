@@ -172,7 +172,6 @@ int main(int argc, char** argv) {
                                 (std::ceil((highest - lowest) / scene.cell) + 2) * scene.cell});
     params.grid.origin[2] = lowest;
     params.faces = talus::Faces<3>::all({talus::FaceKind::open});
-    params.cfl = 0.5;
     talus::Terrain<3>::Params soil{.height = ground, .friction = scene.wall_friction};
     if (!read.friction.empty())
       soil = {.height = ground,
