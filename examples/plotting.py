@@ -8,11 +8,15 @@ import warnings
 
 import matplotlib
 import matplotlib.colors
+import matplotlib.ticker
 import numpy as np
 
 # From sand at rest to dark blue; it starts away from white, which means: no material.
 SPEED = matplotlib.colors.LinearSegmentedColormap.from_list(
     "speed", matplotlib.colormaps["YlGnBu"](np.linspace(0.1, 1, 256)))
+
+DEPTH = matplotlib.colors.LinearSegmentedColormap.from_list(
+    "depth", matplotlib.colormaps["YlOrBr"](np.linspace(0.25, 1, 256)))
 
 
 def read_table(path, columns):
@@ -73,26 +77,92 @@ def refined(x, z, fraction, speed, factor=8):
     return fine_x, fine_z, np.ma.masked_where(~(weight >= 0.5), fine_speed)
 
 
-def section_image(section):
+def section_image(section, factor=8):
     """The speed of a section (m/s) on a refined grid, masked outside the material."""
     x, column = np.unique(section["x_m"].round(9), return_inverse=True)
     z, row = np.unique(section["z_m"].round(9), return_inverse=True)
     fraction, speed = np.zeros((len(z), len(x))), np.zeros((len(z), len(x)))
     fraction[row, column] = section["volume_fraction"]
     speed[row, column] = section["speed_m_s"]
-    return refined(x, z, fraction, speed)
+    return refined(x, z, fraction, speed, factor)
 
 
-def round_ticks(highest):
-    """0 and round numbers up to `highest`, far enough apart on a square-root scale."""
+def round_ticks(highest, gap=0.11):
+    """0 and round numbers up to `highest`, at least the share `gap` of a square-root scale apart."""
     decade = 10 ** math.floor(math.log10(highest))
     ticks = []
     for tick in (m * decade / d for d in (1, 10, 100) for m in (8, 5, 3, 2, 1)):
         above = ticks[-1] if ticks else math.inf
         if tick <= highest and (
-                math.sqrt(above) - math.sqrt(tick) > 0.11 * math.sqrt(highest)):
+                math.sqrt(above) - math.sqrt(tick) > gap * math.sqrt(highest)):
             ticks.append(float(f"{tick:.3g}"))
-    return [0, *(t for t in reversed(ticks) if t > 0.01 * highest)]
+    return [0, *(t for t in reversed(ticks) if t > 0.01 * (gap / 0.11) ** 2 * highest)]
+
+
+def read_grid(path):
+    """An ESRI ASCII grid that talus wrote: x and y of the middle of its cells, and the values, #y
+    by #x from the south, masked where there is none."""
+    with open(path) as file:
+        header = dict(next(file).lower().split() for _ in range(6))
+        try:
+            values = np.loadtxt(file, ndmin=2)[::-1]
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+    cell = float(header["cellsize"])
+    x = float(header["xllcorner"]) + cell * (np.arange(values.shape[1]) + 0.5)
+    y = float(header["yllcorner"]) + cell * (np.arange(values.shape[0]) + 0.5)
+    return x, y, np.ma.masked_equal(values, float(header["nodata_value"]))
+
+
+def colour_bar(figure, axes, image, label):
+    """Of what is drawn with a square-root scale, with as many ticks as there is room for."""
+    bar = figure.colorbar(image, cax=axes, extend="max")
+    bar.set_label(label)
+    height = axes.get_position().height * figure.get_figheight()  # inches
+    bar.set_ticks(round_ticks(image.norm.vmax, max(0.11, 0.25 / height)))
+    bar.ax.yaxis.set_major_formatter("{x:g}")
+    bar.minorticks_off()
+
+
+class GroundMap:
+    """What lies on a terrain, drawn on its relief, in the coordinates of the map."""
+
+    def __init__(self, folder):
+        self.x, self.y, self.heights = read_grid(folder / "terrain.asc")
+        self.table = read_table(folder / "maps.csv", ["time_s", "x_m", "y_m", "depth_m", "speed_m_s"])
+        self.times = np.unique(self.table["time_s"])
+        self.ratio = np.ptp(self.y) / np.ptp(self.x)
+        self.norm = matplotlib.colors.PowerNorm(0.5, vmin=0, clip=True,
+                                                vmax=np.percentile(self.table["depth_m"], 99.8))
+        gaps = np.diff(np.unique(self.table["x_m"]))
+        self.cell = gaps.min() if gaps.size else self.x[1] - self.x[0]
+
+    def draw(self, axes, time):
+        """At the snapshot nearest to `time`; returns the image, for colour_bar."""
+        light = matplotlib.colors.LightSource(azdeg=315, altdeg=40)
+        cell = self.x[1] - self.x[0]
+        relief = light.hillshade(self.heights.filled(np.nan), dx=cell, dy=cell)
+        half = cell / 2
+        axes.imshow(relief, cmap="gray", vmin=-0.5, vmax=1.1, origin="lower", interpolation="bilinear",
+                    extent=(self.x[0] - half, self.x[-1] + half, self.y[0] - half, self.y[-1] + half))
+        lines = axes.contour(self.x, self.y, self.heights, 12, colors="0.35", linewidths=0.5)
+        axes.clabel(lines, lines.levels[::3], fmt="%g", fontsize=8)
+        now = at_time(self.table, time)
+        column = np.rint((now["x_m"] - self.x[0]) / self.cell).astype(int)
+        row = np.rint((now["y_m"] - self.y[0]) / self.cell).astype(int)
+        depth = np.zeros((row.max() + 1, column.max() + 1))
+        depth[row, column] = now["depth_m"]
+        x = now["x_m"][0] + self.cell * (np.arange(depth.shape[1]) - column[0])
+        y = now["y_m"][0] + self.cell * (np.arange(depth.shape[0]) - row[0])
+        image = axes.pcolormesh(x, y, np.ma.masked_less_equal(depth, 0), norm=self.norm, cmap=DEPTH,
+                                shading="nearest", alpha=0.85, rasterized=True)
+        axes.set(xlim=(self.x[0] - half, self.x[-1] + half), ylim=(self.y[0] - half, self.y[-1] + half),
+                 aspect="equal")
+        for axis, count in ((axes.xaxis, 5), (axes.yaxis, 4)):
+            axis.set_major_locator(matplotlib.ticker.MaxNLocator(count))
+        axes.ticklabel_format(useOffset=False, style="plain")
+        axes.set_title(f"t = {now['time_s'][0]:.1f} s", fontsize=12)
+        return image
 
 
 def run(usage, data, draw, font_size=13):

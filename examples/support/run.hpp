@@ -18,6 +18,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -42,6 +43,8 @@ struct RunOptions {
   double time_zero = 0; ///< s of the simulation: times are counted from here, in results, too
   double sample_interval = 0.01, snapshot_interval = 0.1; ///< s
   std::string vtk = "last"; ///< which snapshots to write for ParaView: all, last or none
+  bool movie = false;       ///< draw one in the end
+  bool sections = true;     ///< write sections.csv
   int section_row = 0;      ///< row of nodes across that sections.csv shows (3-D)
   ResumeOptions resume{};
   CommonOptions common{};
@@ -54,7 +57,7 @@ struct RunOptions {
   }
 };
 
-/// --snapshot-interval, --sample-interval, --vtk.
+/// --snapshot-interval, --sample-interval, --vtk, --movie.
 inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
   app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
   app.add_option("--sample-interval", options.sample_interval, "Of the table against time, s")
@@ -62,6 +65,8 @@ inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
   app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
       ->check(CLI::IsMember({"all", "last", "none"}))
       ->capture_default_str();
+  app.add_flag("--movie", options.movie,
+               "Draw a movie of the snapshots, of which there are 100 or more then (see movie.py)");
 }
 
 /// All options of a run; what `options` holds is the default.
@@ -98,6 +103,8 @@ class Run {
         out_((options.validate(), options.common.prepare_out())),
         checkpoints_(out_, options.resume, std::move(inputs)), next_snapshot_(options.time_zero),
         progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
+    if (options_.movie)
+      options_.snapshot_interval = std::min(options_.snapshot_interval, options_.end_time / 100);
     if (sim.params().time_step > options.time_zero + options.end_time)
       talus::throw_invalid("time_step", sim.params().time_step, "at most the simulated time");
     finished_ = checkpoints_.finished();
@@ -124,7 +131,8 @@ class Run {
     keep(
         "statistics", [this] { return statistics_.state(); },
         [this](const json& value) { statistics_.restore(value); });
-    sections_ = &table("sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
+    if (options_.sections)
+      sections_ = &table("sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
     if (options_.vtk == "all")
       for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
         particle_series_->add(frames_[frame], frame_file("particles", frame));
@@ -250,8 +258,8 @@ class Run {
     return finish("plot_run.py");
   }
 
-  /// Prints what the run cost, draws the picture, removes the checkpoint unless the run failed.
-  /// Returns the exit status.
+  /// Prints what the run cost, draws the picture and the movie, removes the checkpoint unless the
+  /// run failed. Returns the exit status.
   int finish(const std::string& plot_script) {
     if (!options_.common.quiet)
       statistics_.print(sim_.steps(), seconds());
@@ -259,6 +267,11 @@ class Run {
     if (status == "interrupted") {
       std::fprintf(stderr, "to go on: %s\n", command_to_resume().c_str());
       return 130;
+    }
+    if (options_.movie) {
+      CommonOptions common = options_.common;
+      common.no_plot = false;
+      draw(common, "movie.py", out_);
     }
     checkpoints_.finish(status);
     return status.starts_with("failed") ? 1 : 0;
@@ -325,7 +338,8 @@ class Run {
   }
 
   void snapshot(bool last) {
-    write_section();
+    if (options_.sections)
+      write_section();
     if (on_snapshot)
       on_snapshot(time_before_);
     if (options_.vtk == "all" || (last && options_.vtk == "last"))

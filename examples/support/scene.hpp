@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include <array>
+#include <functional>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -53,7 +54,13 @@ class Scene : public SceneOptions {
   void option(const std::string& flag, double& value, const std::string& key,
               const std::string& about) {
     app_.add_option(flag, value, about)->capture_default_str();
-    own_.emplace_back(key, &value);
+    own_.emplace_back(key, [&value] { return nlohmann::json(value); });
+  }
+  /// The same for a text, the name of a file, say.
+  void option(const std::string& flag, std::string& value, const std::string& key,
+              const std::string& about) {
+    app_.add_option(flag, value, about);
+    own_.emplace_back(key, [&value] { return nlohmann::json(value); });
   }
 
   /// The program: reads the command line and calls body<dimension>() → exit status. Dims: the
@@ -88,7 +95,7 @@ class Scene : public SceneOptions {
   Run<Sim> start(Sim& sim) const {
     nlohmann::json inputs = scene_inputs(*this, sim);
     for (const auto& [key, value] : own_)
-      inputs[key] = *value;
+      inputs[key] = value();
     RunOptions options = run;
     if constexpr (Sim::dimension == 3)
       options.section_row = sim.grid().cells(1) / 2;
@@ -98,7 +105,7 @@ class Scene : public SceneOptions {
  private:
   std::string name_;
   CLI::App app_;
-  std::vector<std::pair<std::string, const double*>> own_;
+  std::vector<std::pair<std::string, std::function<nlohmann::json()>>> own_;
 };
 
 /// An angle in degrees.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
 // What the example programs read: case files, tables to go on with, the summary of an earlier run;
-// and triangle meshes.
+// triangle meshes, maps and polygons.
 // Any bytes give an error in words or a result. The first byte says which reader.
 
 #include "input_file.hpp"
@@ -13,6 +13,8 @@
 #include "talus/io/csv.hpp"
 #include "talus/io/csv_table.hpp"
 #include "talus/io/stl.hpp"
+#include "talus/terrain/ascii_grid.hpp"
+#include "talus/terrain/polygon.hpp"
 
 #include <algorithm>
 #include <array>
@@ -124,6 +126,37 @@ void read_mesh(std::string_view bytes) {
   });
 }
 
+void read_map(std::string_view bytes) {
+  talus::Raster map;
+  try {
+    map = talus::read_ascii_grid(fuzz::write("map.asc", bytes));
+  } catch (const std::runtime_error& error) {
+    if (std::string_view(error.what()).find("cannot read") != 0)
+      std::abort();
+    return;
+  }
+  in_words([&] { // a corner may be too far away to be a number
+    talus::write_ascii_grid(fuzz::folder() / "again.asc", map, -12345.678);
+    const talus::Raster again = talus::read_ascii_grid(fuzz::folder() / "again.asc");
+    if (again.x != map.x || again.y != map.y || again.values.size() != map.values.size())
+      std::abort();
+  });
+  in_words([&] {
+    const talus::BilinearMap ground(map, talus::Vec<2>(map.x, map.y));
+    static_cast<void>(ground(0.5, 1e300));
+  });
+}
+
+void read_polygon(std::string_view bytes) {
+  try {
+    const talus::Polygon area = talus::read_polygon(fuzz::write("polygon.csv", bytes));
+    static_cast<void>(area.distance(area.bounds()[0][0], 1));
+  } catch (const std::runtime_error& error) {
+    if (std::string_view(error.what()).find("cannot read") != 0)
+      std::abort();
+  }
+}
+
 } // namespace
 
 extern "C" int LLVMFuzzerInitialize(int*, char***) {
@@ -139,6 +172,9 @@ extern "C" int LLVMFuzzerInitialize(int*, char***) {
                   "a,b\n1,2\n");
     save("numbers", "na,\"b, c\"\r\n1,-2.5e-3\nnan,\"inf\"\n");
     save("summary", R"(s{"inputs": {"case": "B15"}, "status": "completed"})");
+    save("map", "gncols 2\nnrows 2\nxllcorner 5e5\nyllcenter 5e6\ncellsize 5\nNODATA_value -9\n1 "
+                "2\n-9 4\n");
+    save("polygon", "px,y\n0,0\n1 0\n# b\n1 , 1\n\n");
     std::string tetrahedron = "msolid t\n";
     for (const char* facet :
          {"0 0 0|0 1 0|1 0 0", "0 0 0|1 0 0|0 0 1", "0 0 0|0 0 1|0 1 0", "1 0 0|0 1 0|0 0 1"}) {
@@ -169,6 +205,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     read_summary(bytes);
   else if (data[0] == 'm')
     read_mesh(bytes);
+  else if (data[0] == 'g')
+    read_map(bytes);
+  else if (data[0] == 'p')
+    read_polygon(bytes);
   else
     read_case(bytes);
   return 0;
