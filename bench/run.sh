@@ -7,15 +7,16 @@
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 #     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
+#     sh bench/run.sh ranks [--out DIR] [--quick] [--ranks N...]        1, 2, 4, ... ranks of MPI, phase by phase, 5 minutes
 #     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, half an hour or more
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
-  local | global | step | scaling | accuracy) name=$1; shift ;;
-  -h | --help) sed -n '3,10s/^# \{0,1\}//p' "$0"; exit 0 ;;
-  *) echo "which benchmark? sh $0 local | global | step | scaling | accuracy" >&2; exit 2 ;;
+  local | global | step | scaling | ranks | accuracy) name=$1; shift ;;
+  -h | --help) sed -n '3,11s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global | step | scaling | ranks | accuracy" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
@@ -25,6 +26,7 @@ if [ "${1:-}" = --out ]; then
 fi
 
 sh "$root/examples/setup.sh" bench
+[ "$name" != ranks ] || sh "$root/examples/setup.sh" ranks
 if command -v ninja > /dev/null; then
   export CMAKE_GENERATOR="${CMAKE_GENERATOR:-Ninja}" # only counts for a new build folder
 fi
@@ -58,6 +60,12 @@ fi
 if [ "$name" = scaling ]; then
   "$python" "$root/bench/scaling.py" "$build" "$out" "$@"
   echo "$out/scaling.json, .md, .png"
+  exit
+fi
+
+if [ "$name" = ranks ]; then
+  "$python" "$root/bench/ranks.py" "$build" "$out" "$@"
+  echo "$out/ranks.json, .md"
   exit
 fi
 
