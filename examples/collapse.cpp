@@ -193,11 +193,8 @@ int run(const Options& options, const Case& collapse) {
   int profile_row = 0; // of nodes across
   json profile_y = nullptr;
   if constexpr (Dim == 3) {
-    if (options.profile_row == "all")
-      talus::throw_invalid("--profile-row", options.profile_row, "one row");
-    profile_row = support::channel_rows("--profile-row", options.profile_row, grid.cells(1),
-                                        setup.side_wall_cells)
-                      .front();
+    profile_row = support::channel_row("--profile-row", options.profile_row, grid.cells(1),
+                                       setup.side_wall_cells);
     profile_y = grid.node_position({0, profile_row, 0})[1];
   }
   Sim sim(params, setup.particles<Dim>(grid, seeding));

@@ -46,8 +46,8 @@ struct RunOptions {
   double time_zero = 0; ///< s of the simulation: times are counted from here, in results, too
   double sample_interval = 0.01, snapshot_interval = 0.1; ///< s
   std::string vtk = "last"; ///< which snapshots to write for ParaView: all, last or none
-  /// Rows of nodes across that sections.csv shows (3-D), see channel_rows; the user's, if any, take
-  /// the place of the program's own.
+  /// Rows of nodes across that sections.csv shows (3-D), see channel_row, or all; the user's, if
+  /// any, take the place of the program's own.
   std::vector<std::string> section_rows{};
   std::string section_row = "middle";
   int side_wall_cells = 0; ///< of solid walls at the sides: rows are counted from their inner faces
@@ -62,27 +62,21 @@ struct RunOptions {
   }
 };
 
-/// The rows of nodes across the channel that a text names: wall (next to the side wall y = 0),
-/// middle, all, or a number that counts from the wall. option: what to call it in messages; cells:
-/// of the grid across; side: of them those of a solid wall at each side. Throws
-/// std::invalid_argument for anything else.
-inline std::vector<int> channel_rows(const std::string& option, const std::string& text, int cells,
-                                     int side) {
+/// The row of nodes across the channel that a text names: wall (next to the side wall y = 0),
+/// middle, or a number that counts from the wall. option: what to call it in messages; cells: of
+/// the grid across; side: of them those of a solid wall at each side; more: other texts that are
+/// allowed, for the message. Throws std::invalid_argument for anything else.
+inline int channel_row(const std::string& option, const std::string& text, int cells, int side,
+                       const std::string& more = {}) {
   const int last = cells - 2 * side;
-  std::vector<int> rows;
-  if (text == "all") {
-    for (int row = 0; row <= last; ++row)
-      rows.push_back(side + row);
-    return rows;
-  }
   if (text == "wall")
-    return {side};
+    return side;
   if (text == "middle")
-    return {cells / 2};
+    return cells / 2;
   const auto number = talus::parse_number<int>(text);
   if (!number || *number < 0 || *number > last)
-    talus::throw_invalid(option, text, "wall, middle, all, or 0 to " + std::to_string(last));
-  return {side + *number};
+    talus::throw_invalid(option, text, "wall, middle, " + more + "or 0 to " + std::to_string(last));
+  return side + *number;
 }
 
 /// --snapshot-interval, --sample-interval, --section-rows, --vtk.
@@ -372,14 +366,18 @@ class Run {
                              "nothing in 2-D: there are no rows across");
       return {0};
     } else {
+      const int cells = sim_.grid().cells(1), side = options_.side_wall_cells;
       std::vector<std::string> names = options_.section_rows;
       if (names.empty())
         names = {options_.section_row};
       std::vector<int> rows;
-      for (const std::string& name : names)
-        for (const int row :
-             channel_rows("--section-rows", name, sim_.grid().cells(1), options_.side_wall_cells))
-          rows.push_back(row);
+      for (const std::string& name : names) {
+        if (name != "all")
+          rows.push_back(channel_row("--section-rows", name, cells, side, "all, "));
+        else
+          for (int row = side; row <= cells - side; ++row)
+            rows.push_back(row);
+      }
       std::sort(rows.begin(), rows.end());
       rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
       return rows;
