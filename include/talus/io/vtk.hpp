@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 #include "talus/io/atomic_file.hpp"
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -134,24 +136,29 @@ class VtkDocument {
 
   void add(std::string_view xml) { xml_ += xml; }
 
-  /// `values` must live until write().
+  /// `values` and `chosen` must live until write(). chosen: which items are written; null: all.
   template <class Number>
-  void add_array(std::string_view name, int components, const std::vector<Number>& values) {
+  void add_array(std::string_view name, int components, const std::vector<Number>& values,
+                 const std::vector<std::int32_t>* chosen = nullptr) {
     xml_ += "<DataArray type=\"" + std::string(type_name<Number>()) + "\" Name=\"" +
             xml_escaped(name) + '"';
     if (components > 1) // meshio would make a matrix of one column of it
       xml_ += " NumberOfComponents=\"" + std::to_string(components) + '"';
     xml_ += " format=\"appended\" offset=\"" + std::to_string(offset_) + "\"/>\n";
-    blocks_.push_back({values.data(), values.size() * sizeof(Number)});
-    offset_ += sizeof(std::uint64_t) + blocks_.back().bytes;
+    const std::size_t item = static_cast<std::size_t>(components) * sizeof(Number);
+    const std::size_t bytes =
+        chosen == nullptr ? values.size() * sizeof(Number) : chosen->size() * item;
+    blocks_.push_back({reinterpret_cast<const char*>(values.data()), bytes, item, chosen});
+    offset_ += sizeof(std::uint64_t) + bytes;
   }
 
   /// Throws std::invalid_argument unless each field has its components for `items` items.
-  void add_point_data(const std::vector<VtkField>& fields, std::size_t items) {
+  void add_point_data(const std::vector<VtkField>& fields, std::size_t items,
+                      const std::vector<std::int32_t>* chosen = nullptr) {
     add("<PointData>\n");
     for (const VtkField& field : fields) {
       check_vtk_field(field, items);
-      add_array(field.name, field.components, field.values);
+      add_array(field.name, field.components, field.values, chosen);
     }
     add("</PointData>\n");
   }
@@ -163,7 +170,11 @@ class VtkDocument {
     for (const Block& block : blocks_) {
       const std::uint64_t bytes = block.bytes;
       file.write(&bytes, sizeof bytes);
-      file.write(block.data, block.bytes);
+      if (block.chosen == nullptr)
+        file.write(block.data, block.bytes);
+      else
+        for (const std::int32_t item : *block.chosen)
+          file.write(block.data + static_cast<std::size_t>(item) * block.item, block.item);
     }
     file.write("\n</AppendedData>\n</VTKFile>\n");
     file.commit();
@@ -171,8 +182,9 @@ class VtkDocument {
 
  private:
   struct Block {
-    const void* data;
-    std::size_t bytes;
+    const char* data;
+    std::size_t bytes, item; ///< of all that is written; of one item
+    const std::vector<std::int32_t>* chosen;
   };
 
   template <class Number>
@@ -192,29 +204,30 @@ class VtkDocument {
   std::size_t offset_ = 0;
 };
 
-/// What joins the points of an unstructured grid: for each cell its points, where they end, and
-/// VTK's number of its shape.
-template <class Number>
-struct VtkCells {
-  std::vector<Number> points;
-  std::vector<std::int64_t> ends;
-  std::vector<std::uint8_t> shapes;
-};
-
-/// points: 3 coordinates each, m; fields: one value a point.
+/// An unstructured grid. points: 3 coordinates each, m; fields: one value for each of `items`, of
+/// which `chosen` are the points (null: all); cells: the points of each cell, one after the other;
+/// corners: points of a cell; shape: VTK's number of it.
 template <class Number>
 void write_vtk_unstructured(const std::filesystem::path& path, const std::vector<double>& points,
-                            const std::vector<VtkField>& fields, const VtkCells<Number>& cells) {
+                            const std::vector<VtkField>& fields, std::size_t items,
+                            const std::vector<std::int32_t>* chosen,
+                            const std::vector<Number>& cells, std::size_t corners,
+                            std::uint8_t shape) {
+  const std::size_t count = cells.size() / corners;
+  std::vector<std::int64_t> ends(count);
+  for (std::size_t c = 0; c < count; ++c)
+    ends[c] = static_cast<std::int64_t>(corners * (c + 1));
+  const std::vector<std::uint8_t> shapes(count, shape);
   VtkDocument file("UnstructuredGrid");
   file.add("<UnstructuredGrid>\n<Piece NumberOfPoints=\"" + std::to_string(points.size() / 3) +
-           "\" NumberOfCells=\"" + std::to_string(cells.ends.size()) + "\">\n");
-  file.add_point_data(fields, points.size() / 3);
+           "\" NumberOfCells=\"" + std::to_string(count) + "\">\n");
+  file.add_point_data(fields, items, chosen);
   file.add("<Points>\n");
   file.add_array("position", 3, points);
   file.add("</Points>\n<Cells>\n");
-  file.add_array("connectivity", 1, cells.points);
-  file.add_array("offsets", 1, cells.ends);
-  file.add_array("types", 1, cells.shapes);
+  file.add_array("connectivity", 1, cells);
+  file.add_array("offsets", 1, ends);
+  file.add_array("types", 1, shapes);
   file.add("</Cells>\n</Piece>\n");
   file.write(path);
 }
@@ -272,14 +285,12 @@ void write_vtk_particles(const std::filesystem::path& path, const std::vector<Ve
     first[p] = static_cast<std::int64_t>(p);
     last[p] = static_cast<std::int64_t>(p + 1);
   }
-  const std::string number = std::to_string(count);
   if (path.extension() == ".vtu") {
     constexpr std::uint8_t vertex = 1;
-    detail::write_vtk_unstructured(
-        path, points, fields,
-        detail::VtkCells<std::int64_t>{first, last, std::vector<std::uint8_t>(count, vertex)});
+    detail::write_vtk_unstructured(path, points, fields, count, nullptr, first, 1, vertex);
     return;
   }
+  const std::string number = std::to_string(count);
   detail::VtkDocument file("PolyData");
   file.add("<PolyData>\n<Piece NumberOfPoints=\"" + number + "\" NumberOfVerts=\"" + number +
            "\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n");
@@ -323,23 +334,24 @@ void write_vtk_cells(const std::filesystem::path& path, const Vec<Dim>& origin,
                      const Vec<Dim>& spacing, const Index<Dim>& nodes,
                      const std::vector<VtkField>& fields, const Shown& shown) {
   const std::size_t count = detail::vtk_node_count<Dim>(origin, spacing, nodes);
-  for (const VtkField& field : fields)
-    detail::check_vtk_field(field, count);
+  constexpr std::size_t most = std::numeric_limits<std::int32_t>::max();
+  if (count > most)
+    throw_invalid("the number of nodes", count, "at most " + std::to_string(most));
   // VTK goes around the lower face of a cell, then around the upper one.
-  constexpr int corners = ipow(2, Dim);
+  constexpr std::size_t corners = ipow(2, Dim);
   constexpr int around[8][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0},
                                 {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
   constexpr std::uint8_t shape = Dim == 2 ? 9 : 12;
   const auto number = [&](const Index<Dim>& node) { // the first axis fastest
-    std::size_t n = 0;
+    std::int32_t n = 0;
     for (int a = Dim - 1; a >= 0; --a)
-      n = n * static_cast<std::size_t>(nodes[a]) + static_cast<std::size_t>(node[a]);
+      n = n * nodes[a] + node[a];
     return n;
   };
-  std::vector<std::int32_t> place(count, -1); // of a node among those that are written
-  std::vector<std::size_t> written;
+  Array<std::int32_t> place(count, -1); // of a node among those that are written
+  std::vector<std::int32_t> written;
   std::vector<double> points;
-  detail::VtkCells<std::int32_t> cells;
+  std::vector<std::int32_t> cells;
   Index<Dim> cell;
   const int layers = Dim == 3 ? nodes[Dim - 1] - 1 : 1;
   for (int k = 0; k < layers; ++k)
@@ -348,40 +360,30 @@ void write_vtk_cells(const std::filesystem::path& path, const Vec<Dim>& origin,
         cell[Dim - 1] = k; // overwritten by j in 2-D
         cell[1] = j;
         cell[0] = i;
-        const auto corner = [&](int c) {
+        const auto corner = [&](std::size_t c) {
           Index<Dim> node = cell;
           for (int a = 0; a < Dim; ++a)
             node[a] += around[c][a];
           return node;
         };
         bool any = false;
-        for (int c = 0; c < corners && !any; ++c)
+        for (std::size_t c = 0; c < corners && !any; ++c)
           any = shown(corner(c));
         if (!any)
           continue;
-        for (int c = 0; c < corners; ++c) {
+        for (std::size_t c = 0; c < corners; ++c) {
           const Index<Dim> node = corner(c);
-          const std::size_t n = number(node);
+          const std::int32_t n = number(node);
           if (place[n] < 0) {
             place[n] = static_cast<std::int32_t>(written.size());
             written.push_back(n);
             for (int a = 0; a < 3; ++a)
               points.push_back(a < Dim ? origin[a] + spacing[a] * node[a] : 0);
           }
-          cells.points.push_back(place[n]);
+          cells.push_back(place[n]);
         }
-        cells.ends.push_back(static_cast<std::int64_t>(cells.points.size()));
-        cells.shapes.push_back(shape);
       }
-  std::vector<VtkField> parts;
-  for (const VtkField& field : fields) {
-    VtkField& part = parts.emplace_back(VtkField{field.name, field.components, {}});
-    const auto components = static_cast<std::size_t>(field.components);
-    for (const std::size_t n : written)
-      for (std::size_t c = 0; c < components; ++c)
-        part.values.push_back(field.values[n * components + c]);
-  }
-  detail::write_vtk_unstructured(path, points, parts, cells);
+  detail::write_vtk_unstructured(path, points, fields, count, &written, cells, corners, shape);
 }
 
 /// A time series (.pvd): which file shows which time. The list is rewritten with every frame, so it
