@@ -38,7 +38,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double threshold_speed = 0.01;   // m/s: what the paper calls flowing
+constexpr double rest_speed = 0.01;        // m/s: below it the paper calls a run at rest
 constexpr double threshold_height = 0.002; // m above the bed: what the paper counts as deposit
 constexpr double rest_hold = 0.1;          // s without motion that end a run
 
@@ -62,7 +62,9 @@ struct Options {
   double cfl = 0;
   talus::Packing packing;
   bool until_rest = false;
-  support::RunOptions run{.vtk = "all"};
+  double static_threshold = 0.01; // m/s: what the paper calls flowing
+  std::string profile_row = "wall";
+  support::RunOptions run{.vtk = "all", .section_row = "that of --profile-row"};
 };
 
 /// A run of the paper: what is to be simulated and what is published of it.
@@ -121,9 +123,7 @@ Case load_case(const Options& options) {
 class Measurement {
  public:
   template <class Sim>
-  void sample(const Sim& sim, const talus::CollapseSetup& setup) {
-    const talus::Profile profile =
-        talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
+  void sample(const Sim& sim, const talus::CollapseSetup& setup, const talus::Profile& profile) {
     front = talus::front_position(profile, setup.bed_depth + threshold_height);
     height_wall = profile.height.front() - setup.bed_depth;
     volume = talus::volume_under_surface(sim, setup.side_wall_cells);
@@ -150,8 +150,8 @@ void print_beside(const char* what, const json& measured, const json& published,
 
 template <int Dim, class Solver>
 int run(const Options& options, const Case& collapse) {
-  using Sim = support::OnRanks<
-      talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
+  using Sim =
+      support::OnRanks<talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
   const bool reference = options.resolution == "reference";
   talus::CollapseSetup setup = collapse.setup;
   setup.validate();
@@ -191,6 +191,13 @@ int run(const Options& options, const Case& collapse) {
   seeding.pattern = options.seeding == "random" ? talus::Seeding::Pattern::random
                                                 : talus::Seeding::Pattern::jittered;
   const talus::Grid<Dim> grid(params.grid);
+  int profile_row = 0; // of nodes across
+  json profile_y = nullptr;
+  if constexpr (Dim == 3) {
+    profile_row = support::channel_row("--profile-row", options.profile_row, grid.cells(1),
+                                       setup.side_wall_cells);
+    profile_y = grid.node_position({0, profile_row, 0})[1];
+  }
   Sim sim(params, setup.particles<Dim>(grid, seeding));
   double material_volume = 0;
   for (const double v : sim.particles().volume)
@@ -238,13 +245,16 @@ int run(const Options& options, const Case& collapse) {
                        {"gate_time_constant_s", setup.gate.time_constant},
                        {"gate_thickness_m", setup.gate_thickness},
                        {"time_step_s", params.time_step},
-                       {"cfl", params.cfl}};
+                       {"cfl", params.cfl},
+                       {"static_threshold_m_s", options.static_threshold},
+                       {"profile_y_m", profile_y}};
 
   // All input is known to be good: from here on files are written.
   support::RunOptions run_options = options.run;
   run_options.time_zero = setup.gate.opening_time;
   run_options.end_time = options.end_time.value_or(options.max_time);
-  run_options.section_row = setup.side_wall_cells;
+  run_options.section_row = options.profile_row;
+  run_options.side_wall_cells = setup.side_wall_cells;
   support::Run run(sim, "collapse", run_options, inputs, "collapse " + options.case_name);
   if (run.finished())
     return 0;
@@ -253,15 +263,17 @@ int run(const Options& options, const Case& collapse) {
                               "volume_m3", "gate_height_m"});
   talus::CsvWriter& profiles =
       run.table("profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
+  const auto measure = [&] {
+    return talus::measure_profile(sim, profile_row, options.static_threshold);
+  };
   run.on_snapshot = [&](double time) {
-    const talus::Profile profile =
-        talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
+    const talus::Profile profile = measure();
     for (std::size_t i = 0; i < profile.x.size(); ++i)
       profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
   };
   talus::CsvWriter& inertial =
       run.table("inertial.csv", {"time_s", "I_30", "I_median", "I_70", "nodes"});
-  talus::RestDetector rest(threshold_speed, rest_hold);
+  talus::RestDetector rest(rest_speed, rest_hold);
   run.keep(
       "last_motion", [&] { return json(rest.last_motion()); },
       [&](const json& time) { rest.update(time, std::numeric_limits<double>::infinity()); });
@@ -286,7 +298,7 @@ int run(const Options& options, const Case& collapse) {
       run.stop();
     if (run.sample_due()) {
       // The fields of the step are those at its start, before the particles moved on.
-      now.sample(sim, setup);
+      now.sample(sim, setup, measure());
       front.row(run.time_before(), now.front, now.front - setup.column_length, now.height_wall,
                 speed, now.volume,
                 options.no_gate ? std::numeric_limits<double>::infinity()
@@ -319,8 +331,7 @@ int run(const Options& options, const Case& collapse) {
                    {"material_volume", material_volume},
                    {"end_time_s", run.time()}};
   // The front may be thinner than a cell: how far the run-out hangs on the threshold.
-  const talus::Profile deposit =
-      talus::measure_profile(sim, setup.side_wall_cells, threshold_speed);
+  const talus::Profile deposit = measure();
   const auto measure_above = [&](const std::string& name, double height) {
     measured["runout_by_threshold_m"][name] =
         talus::front_position(deposit, setup.bed_depth + height) - setup.column_length;
@@ -342,7 +353,7 @@ int run(const Options& options, const Case& collapse) {
       talus::potential_energy<Dim>(sim.particles(), params.material.density, params.gravity);
   measured["kinetic_energy_J"] = talus::kinetic_energy(sim.particles(), params.material.density);
   if (setup.bed_depth == 0) // on a bed the column's particles are not told from the bed's
-    measured["farthest_at_rest_m"] = talus::farthest_at_rest(sim.particles(), threshold_speed);
+    measured["farthest_at_rest_m"] = talus::farthest_at_rest(sim.particles(), rest_speed);
   run.write_summary({{"measured", measured}, {"published", collapse.published}});
 
   if (!options.run.common.quiet) {
@@ -373,6 +384,9 @@ int run_collapse(Options options) {
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
   if (options.dimension == 2 && options.width)
     throw std::invalid_argument("--width goes with --dim 3, not 2");
+  if (options.dimension == 2 && options.profile_row != Options{}.profile_row)
+    throw std::invalid_argument("--profile-row goes with --dim 3, not 2");
+  talus::require_non_negative("--static-threshold", options.static_threshold);
   if (options.end_time && !(*options.end_time > 0 && std::isfinite(*options.end_time)))
     talus::throw_invalid("--end-time", *options.end_time, "a finite number > 0");
   talus::require_positive("--max-time", options.max_time);
@@ -474,6 +488,14 @@ int main(int argc, char** argv) {
       ->check([](const std::string& text) { // a negative one would be taken modulo 2^64
         return text.starts_with('-') ? "allowed: an integer >= 0" : "";
       })
+      ->capture_default_str();
+  app.add_option("--static-threshold", options.static_threshold,
+                 "Slower than this counts as static in profiles.csv, m/s")
+      ->capture_default_str();
+  app.add_option(
+         "--profile-row", options.profile_row,
+         "Row of nodes across that profile and front are read from in 3-D: wall, middle, or "
+         "a number from the wall")
       ->capture_default_str();
   support::add_snapshot_options(app, options.run);
   app.add_option(

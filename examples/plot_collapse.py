@@ -21,7 +21,7 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, number, read_table, round_ticks, run, section_image
+from plotting import SPEED, at_time, choose_times, number, read_sections, read_table, round_ticks, run, section_image
 
 # Colours of Okabe and Ito: told apart by colour-blind readers.
 RUN, EXPERIMENT, SIMULATION = "black", "#D55E00", "#0072B2"
@@ -50,8 +50,7 @@ class Picture:
                                 ["time_s", "front_m", "runout_m", "gate_height_m"])
         self.profiles = read_table(directory / "profiles.csv",
                                    ["time_s", "x_m", "height_m", "static_height_m"])
-        self.sections = read_table(directory / "sections.csv",
-                                   ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"])
+        self.sections = read_sections(directory / "sections.csv", number(self.inputs, "profile_y_m"))
 
         # Show what the flow reached, not the empty rest of the channel.
         domain = self.inputs["domain_m"]

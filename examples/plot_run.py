@@ -22,7 +22,7 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, read_table, round_ticks, run, section_image
+from plotting import SPEED, at_time, choose_times, read_sections, round_ticks, run, section_image
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
 WIDTH = 12.0  # inches, at 100 dots each
@@ -38,8 +38,7 @@ class Picture:
         self.picture = self.summary.get("picture", {})
         self.images = []
         if (directory / "sections.csv").is_file():
-            table = read_table(directory / "sections.csv",
-                               ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"])
+            table = read_sections(directory / "sections.csv")
             times = choose_times(np.unique(table["time_s"]), None, 4)
             self.images = [(t, section_image(at_time(table, t))) for t in times]
             _, (x, z, _) = self.images[0]

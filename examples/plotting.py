@@ -19,8 +19,8 @@ DEPTH = matplotlib.colors.LinearSegmentedColormap.from_list(
     "depth", matplotlib.colormaps["YlOrBr"](np.linspace(0.25, 1, 256)))
 
 
-def read_table(path, columns):
-    """The columns of a CSV file, by name."""
+def read_table(path, columns, optional=()):
+    """The columns of a CSV file, by name; of the optional ones those that are there."""
     with open(path, newline="") as file:
         names = next(csv.reader(file), [])
         missing = [c for c in columns if c not in names]
@@ -34,7 +34,17 @@ def read_table(path, columns):
             raise ValueError(f"{path}: {error}") from error
     if values.size == 0:
         raise ValueError(f"{path}: no rows")
-    return {c: values[:, names.index(c)] for c in columns}
+    return {c: values[:, names.index(c)] for c in [*columns, *optional] if c in names}
+
+
+def read_sections(path, row=None):
+    """The table sections.csv, of one row across: the one at y = row (m), else the middle one."""
+    table = read_table(path, ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"], ["y_m"])
+    if "y_m" not in table:  # 2-D
+        return table
+    y = np.unique(table["y_m"])
+    here = table["y_m"] == (y[len(y) // 2] if row is None else y[np.argmin(np.abs(y - row))])
+    return {name: column[here] for name, column in table.items()}
 
 
 def at_time(table, time):

@@ -1,12 +1,13 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
-# Makes sure that what the tests, the examples or the benchmarks need is there:
+# Makes sure that what the tests, the examples, the benchmarks or the Python module need is there:
 #
-#     sh examples/setup.sh tests | examples | bench | ranks
+#     sh examples/setup.sh tests | examples | bench | ranks | python
 #
 # Looks for each thing itself (a command, a header), so nothing is installed or updated when all is
 # there. What is missing comes from apt-get, as root or through sudo. Where that cannot be, says what
-# to install and exits with status 1; without Python, which only draws the pictures, goes on.
+# to install and exits with status 1; without Python, which only draws the pictures, goes on. For the
+# module it prints which Python that is.
 
 has() { command -v "$1" > /dev/null 2>&1; }
 
@@ -51,10 +52,20 @@ has_compiler() {
 has_mpi() { has mpirun && { has mpicxx || has mpic++; }; }
 has_make() { has ninja || has make; }
 has_python() { find_python > /dev/null; }
+has_python_header() {
+  python=$(find_python) && [ -f "$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))')/Python.h" ]
+}
 
 check_needed() {
   packages='' things=''
   need g++ 'a C++20 compiler (g++ 12, clang++ 14 or newer)' has_compiler
+  if [ "$1" = python ]; then
+    need libeigen3-dev 'Eigen 3.4' has_header Eigen/Core
+    need pybind11-dev pybind11 has_header pybind11/pybind11.h
+    need 'python3 python3-dev python3-numpy python3-matplotlib' 'Python 3 with its headers, numpy and matplotlib' \
+      has_python_header
+    return
+  fi
   need cmake 'CMake 3.22 or newer' has cmake
   need make 'make or ninja' has_make
   need libeigen3-dev 'Eigen 3.4' has_header Eigen/Core
@@ -76,7 +87,7 @@ check_needed() {
 
 # Adds what is only for the pictures.
 check_wanted() {
-  case $1 in tests | ranks) return ;; esac
+  case $1 in tests | ranks | python) return ;; esac
   need 'python3 python3-numpy python3-matplotlib' 'Python 3 with numpy and matplotlib (for the pictures)' has_python
 }
 
@@ -100,13 +111,19 @@ say_what_is_missing() {
 }
 
 case $1 in
-  tests | examples | bench | ranks) ;;
-  *) echo "usage: sh $0 tests | examples | bench | ranks" >&2; exit 2 ;;
+  tests | examples | bench | ranks | python) ;;
+  *) echo "usage: sh $0 tests | examples | bench | ranks | python" >&2; exit 2 ;;
 esac
 
+report() { # what is there, for the module
+  [ "$1" != python ] || find_python
+}
 check_needed "$1"
 check_wanted "$1"
-[ -z "$packages" ] && exit 0
+if [ -z "$packages" ]; then
+  report "$1"
+  exit 0
+fi
 # shellcheck disable=SC2086 # one word a package
 install $packages
 check_needed "$1"
@@ -117,3 +134,4 @@ if [ -n "$packages" ]; then
 fi
 check_wanted "$1"
 [ -z "$packages" ] || say_what_is_missing 'going on without pictures, for want of'
+report "$1"

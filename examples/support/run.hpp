@@ -9,8 +9,10 @@
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/particle_fields.hpp"
+#include "talus/diagnostics/strain_rate.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/number.hpp"
 #include "talus/io/progress.hpp"
 #include "talus/io/vtk.hpp"
 #include "talus/simulation.hpp"
@@ -20,6 +22,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <cstdio>
 #include <fstream>
@@ -45,7 +48,11 @@ struct RunOptions {
   std::string vtk = "last"; ///< which snapshots to write for ParaView: all, last or none
   bool movie = false;       ///< draw one in the end
   bool sections = true;     ///< write sections.csv
-  int section_row = 0;      ///< row of nodes across that sections.csv shows (3-D)
+  /// Rows of nodes across that sections.csv shows (3-D), see channel_row, or all; the user's, if
+  /// any, take the place of the program's own.
+  std::vector<std::string> section_rows{};
+  std::string section_row = "middle";
+  int side_wall_cells = 0; ///< of solid walls at the sides: rows are counted from their inner faces
   ResumeOptions resume{};
   CommonOptions common{};
 
@@ -57,11 +64,33 @@ struct RunOptions {
   }
 };
 
-/// --snapshot-interval, --sample-interval, --vtk, --movie.
+/// The row of nodes across the channel that a text names: wall (next to the side wall y = 0),
+/// middle, or a number that counts from the wall. option: what to call it in messages; cells: of
+/// the grid across; side: of them those of a solid wall at each side; more: other texts that are
+/// allowed, for the message. Throws std::invalid_argument for anything else.
+inline int channel_row(const std::string& option, const std::string& text, int cells, int side,
+                       const std::string& more = {}) {
+  const int last = cells - 2 * side;
+  if (text == "wall")
+    return side;
+  if (text == "middle")
+    return cells / 2;
+  const auto number = talus::parse_number<int>(text);
+  if (!number || *number < 0 || *number > last)
+    talus::throw_invalid(option, text, "wall, middle, " + more + "or 0 to " + std::to_string(last));
+  return side + *number;
+}
+
+/// --snapshot-interval, --sample-interval, --section-rows, --vtk, --movie.
 inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
   app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
   app.add_option("--sample-interval", options.sample_interval, "Of the table against time, s")
       ->capture_default_str();
+  app.add_option(
+      "--section-rows", options.section_rows,
+      "Rows of nodes across that sections.csv shows in 3-D: wall, middle, all, or numbers "
+      "from the wall (default: " +
+          options.section_row + ")");
   app.add_option("--vtk", options.vtk, "Which snapshots to write for ParaView")
       ->check(CLI::IsMember({"all", "last", "none"}))
       ->capture_default_str();
@@ -101,7 +130,8 @@ class Run {
   Run(Sim& sim, std::string name, const RunOptions& options, json inputs, std::string label = {})
       : sim_(sim), name_(std::move(name)), options_(options),
         out_((options.validate(), options.common.prepare_out())),
-        checkpoints_(out_, options.resume, std::move(inputs)), next_snapshot_(options.time_zero),
+        checkpoints_(out_, options.resume, std::move(inputs)), section_rows_(section_rows()),
+        next_snapshot_(options.time_zero),
         progress_(label.empty() ? name_ : std::move(label), {.quiet = options.common.quiet}) {
     if (options_.movie)
       options_.snapshot_interval = std::min(options_.snapshot_interval, options_.end_time / 100);
@@ -132,7 +162,7 @@ class Run {
         "statistics", [this] { return statistics_.state(); },
         [this](const json& value) { statistics_.restore(value); });
     if (options_.sections)
-      sections_ = &table("sections.csv", {"time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"});
+      sections_ = &table("sections.csv", section_columns());
     if (options_.vtk == "all")
       for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
         particle_series_->add(frames_[frame], frame_file("particles", frame));
@@ -338,31 +368,88 @@ class Run {
   }
 
   void snapshot(bool last) {
+    const talus::StrainRate strain_rate(sim_);
     if (options_.sections)
-      write_section();
+      write_section(strain_rate);
     if (on_snapshot)
       on_snapshot(time_before_);
     if (options_.vtk == "all" || (last && options_.vtk == "last"))
-      write_vtk(frames_.size());
+      write_vtk(frames_.size(), strain_rate);
     frames_.push_back(time());
     for (Table& table : tables_)
       table.writer.flush();
   }
 
-  void write_section() {
+  std::vector<int> section_rows() const {
+    if constexpr (dimension == 2) {
+      if (!options_.section_rows.empty())
+        talus::throw_invalid("--section-rows", options_.section_rows.front(),
+                             "nothing in 2-D: there are no rows across");
+      return {0};
+    } else {
+      const int cells = sim_.grid().cells(1), side = options_.side_wall_cells;
+      std::vector<std::string> names = options_.section_rows;
+      if (names.empty())
+        names = {options_.section_row};
+      std::vector<int> rows;
+      for (const std::string& name : names) {
+        if (name != "all")
+          rows.push_back(channel_row("--section-rows", name, cells, side, "all, "));
+        else
+          for (int row = side; row <= cells - side; ++row)
+            rows.push_back(row);
+      }
+      std::sort(rows.begin(), rows.end());
+      rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+      return rows;
+    }
+  }
+
+  /// In 2-D the axis that points up is called z, as in 3-D.
+  static constexpr const char* axis_name(int axis) {
+    constexpr const char* names[] = {"x", "y", "z"};
+    return names[axis == dimension - 1 ? 2 : axis];
+  }
+  static std::vector<std::string> section_columns() {
+    std::vector<std::string> names{"time_s"};
+    for (int a = 0; a < dimension; ++a)
+      names.push_back(axis_name(a) + std::string("_m"));
+    names.insert(names.end(), {"volume_fraction", "speed_m_s"});
+    for (int a = 0; a < dimension; ++a)
+      names.push_back("velocity_" + std::string(axis_name(a)) + "_m_s");
+    names.emplace_back("pressure_Pa");
+    for (int a = 0; a < dimension; ++a)
+      for (int b = a; b < dimension; ++b)
+        names.push_back("stress_" + std::string(axis_name(a)) + axis_name(b) + "_Pa");
+    names.emplace_back("strain_rate_1_s");
+    return names;
+  }
+
+  void write_section(const talus::StrainRate<dimension>& strain_rate) {
     constexpr int up = talus::up_axis<dimension>;
     const auto& grid = sim_.grid();
-    for (int i = 0; i <= grid.cells(0); ++i)
-      for (int k = 0; k <= grid.cells(up); ++k) {
-        talus::Index<dimension> node;
-        if constexpr (dimension == 3)
-          node[1] = options_.section_row;
-        node[0] = i;
-        node[up] = k;
-        const talus::Vec<dimension> x = grid.node_position(node);
-        sections_->row(time_before_, x[0], x[up], sim_.volume_fraction(node),
-                       sim_.velocity(node).norm());
-      }
+    std::vector<double> row;
+    for (const int across : section_rows_)
+      for (int i = 0; i <= grid.cells(0); ++i)
+        for (int k = 0; k <= grid.cells(up); ++k) {
+          talus::Index<dimension> node;
+          if constexpr (dimension == 3)
+            node[1] = across;
+          node[0] = i;
+          node[up] = k;
+          const talus::Vec<dimension> x = grid.node_position(node), v = sim_.velocity(node);
+          const talus::Mat<dimension> stress = sim_.stress(node);
+          row.assign({time_before_});
+          row.insert(row.end(), x.begin(), x.end());
+          row.insert(row.end(), {sim_.volume_fraction(node), v.norm()});
+          row.insert(row.end(), v.begin(), v.end());
+          row.push_back(sim_.pressure(node));
+          for (int a = 0; a < dimension; ++a)
+            for (int b = a; b < dimension; ++b)
+              row.push_back(stress(a, b));
+          row.push_back(strain_rate.norm(node));
+          sections_->row(row);
+        }
   }
 
   /// Frames of an earlier run, which ParaView would show as a part of this one.
@@ -372,8 +459,7 @@ class Run {
     std::error_code none;
     for (const auto& entry : fs::directory_iterator(out_ / "vtk", none)) {
       const std::string name = entry.path().filename().string();
-      if ((name.starts_with("particles_") && name.ends_with(".vtp")) ||
-          (name.starts_with("grid_") && name.ends_with(".vti")))
+      if ((name.starts_with("particles_") || name.starts_with("grid_")) && name.ends_with(".vtu"))
         fs::remove(entry.path());
     }
   }
@@ -382,10 +468,10 @@ class Run {
   fs::path frame_file(const std::string& kind, std::size_t frame) const {
     char number[32];
     std::snprintf(number, sizeof number, "_%04zu", frame);
-    return out_ / "vtk" / (kind + number + (kind == "grid" ? ".vti" : ".vtp"));
+    return out_ / "vtk" / (kind + number + ".vtu");
   }
 
-  void write_vtk(std::size_t frame) {
+  void write_vtk(std::size_t frame, const talus::StrainRate<dimension>& strain_rate) {
     using Node = talus::Index<dimension>;
     const fs::path particles = frame_file("particles", frame);
     const fs::path grid = frame_file("grid", frame);
@@ -395,7 +481,8 @@ class Run {
     };
     talus::write_vtk_particles<dimension>(
         particles, sim_.particles().position,
-        {talus::vtk_field("velocity", sim_.particles().velocity),
+        {talus::vtk_field("id", sim_.particles().id),
+         talus::vtk_field("velocity", sim_.particles().velocity),
          talus::vtk_field("volume", sim_.particles().volume),
          at_particles("stress", [&](const Node& n) { return sim_.stress(n); }),
          at_particles("pressure", [&](const Node& n) { return sim_.pressure(n); }),
@@ -407,12 +494,15 @@ class Run {
     const auto field = [&](const char* field_name, const auto& value) {
       return talus::vtk_node_field<dimension>(field_name, nodes, value);
     };
-    talus::write_vtk_image<dimension>(
+    talus::write_vtk_cells<dimension>(
         grid, sim_.grid().origin(), sim_.grid().spacing(), nodes,
         {field("volume_fraction", [&](const Node& n) { return sim_.volume_fraction(n); }),
          field("velocity", [&](const Node& n) { return sim_.velocity(n); }),
+         field("stress", [&](const Node& n) { return sim_.stress(n); }),
          field("pressure", [&](const Node& n) { return sim_.pressure(n); }),
-         field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })});
+         field("strain_rate", [&](const Node& n) { return strain_rate(n); }),
+         field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })},
+        [&](const Node& n) { return sim_.volume_fraction(n) > 0; });
     grid_series_->add(time(), grid);
   }
 
@@ -428,7 +518,8 @@ class Run {
   talus::CsvWriter* sections_ = nullptr;
   std::vector<std::pair<std::string, std::function<json()>>> kept_;
   std::optional<talus::VtkSeries> particle_series_, grid_series_;
-  std::vector<double> frames_; ///< times of the snapshots
+  std::vector<int> section_rows_; ///< of nodes across
+  std::vector<double> frames_;    ///< times of the snapshots
   double next_sample_ = 0, next_snapshot_ = 0, earlier_seconds_ = 0, time_before_ = 0;
   bool stepped_ = false, completed_one_ = false, last_ = false, sampled_ = false;
   talus::StepReport report_;

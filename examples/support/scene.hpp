@@ -96,10 +96,7 @@ class Scene : public SceneOptions {
     nlohmann::json inputs = scene_inputs(*this, sim);
     for (const auto& [key, value] : own_)
       inputs[key] = value();
-    RunOptions options = run;
-    if constexpr (Sim::dimension == 3)
-      options.section_row = sim.grid().cells(1) / 2;
-    return Run<Sim>(sim, name_, options, inputs);
+    return Run<Sim>(sim, name_, run, inputs);
   }
 
  private:

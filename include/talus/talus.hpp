@@ -3,7 +3,8 @@
 
 /// \file
 /// What users need, all but meshes (talus/boundary/mesh_distance.hpp), which are slow to compile,
-/// terrain (talus/terrain), which few need, and what docs/architecture.md names. The library's own headers never include it.
+/// terrain (talus/terrain), which few need, and what docs/architecture.md names. The library's own
+/// headers never include it.
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
@@ -40,7 +41,9 @@
 #include "talus/diagnostics/particle_fields.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/quantiles.hpp"
+#include "talus/diagnostics/section_flux.hpp"
 #include "talus/diagnostics/silo.hpp"
+#include "talus/diagnostics/strain_rate.hpp"
 #include "talus/diagnostics/totals.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"

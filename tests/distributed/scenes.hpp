@@ -24,8 +24,8 @@ Scene<Sim<Dim>> collapse() {
   const CollapseSetup setup = support::b15();
   Scene<Sim<Dim>> scene;
   const double finer = Dim == 2 ? 2 : 1;
-  scene.params = support::collapse_params<Sim<Dim>>(setup, Vec<3>(0.02, 0.02, 0.01) / finer,
-                                                    1.66e-3 / finer);
+  scene.params =
+      support::collapse_params<Sim<Dim>>(setup, Vec<3>(0.02, 0.02, 0.01) / finer, 1.66e-3 / finer);
   scene.particles =
       setup.particles<Dim>(Grid<Dim>(scene.params.grid), {.per_axis = Dim == 2 ? 3 : 2});
   return scene;

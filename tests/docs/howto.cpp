@@ -6,6 +6,7 @@
 
 #include <talus/io/problem_file.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
@@ -66,7 +67,8 @@ Sim make_scene() {
 // [vtk]
 void write_frame(const Sim& sim, const std::filesystem::path& file) {
   talus::write_vtk_particles<2>(file, sim.particles().position,
-                                {talus::vtk_field("velocity", sim.particles().velocity),
+                                {talus::vtk_field("id", sim.particles().id),
+                                 talus::vtk_field("velocity", sim.particles().velocity),
                                  talus::vtk_field("volume", sim.particles().volume)});
 }
 // [vtk]
@@ -100,7 +102,7 @@ int main() {
     // [vtk-series]
     talus::VtkSeries series("ramp.pvd");
     for (int frame = 0; frame < 3; ++frame) {
-      const std::string file = "ramp_" + std::to_string(frame) + ".vtp";
+      const std::string file = "ramp_" + std::to_string(frame) + ".vtu";
       write_frame(sim, file);
       series.add(sim.time(), file);
       for (int n = 0; n < 10; ++n)
@@ -108,6 +110,15 @@ int main() {
           return 1;
     }
     // [vtk-series]
+
+    // [measure]
+    const talus::StrainRate strain_rate(sim); // at the nodes, of the last step
+    double fastest = 0;
+    for (int node = 0; node < sim.grid().node_count(); ++node)
+      fastest = std::max(fastest, strain_rate.norm(sim.grid().node_index(node)));
+    std::printf("largest shear rate: %.1f 1/s\n", 2 * fastest);
+    std::printf("through x = 0.1 m flow %.2e m2/s\n", talus::section_flux(sim, 0, 0.1));
+    // [measure]
 
     // [record-problem]
     const talus::StepReport recorded = sim.step([](const talus::DualProblem<2>& problem) {

@@ -23,7 +23,7 @@ options="$options --quiet --no-plot --threads 1"
 # write take.
 lost() {
   reached=$(grep -a -m 1 '^state ' "$folder/killed/checkpoint.talus" 2> /dev/null | cut -d ' ' -f 2)
-  find "$folder/killed/vtk" -name 'particles_*.vtp' -newer "$folder/started" -printf '%f %T@\n' | sort |
+  find "$folder/killed/vtk" -name 'particles_*.vtu' -newer "$folder/started" -printf '%f %T@\n' | sort |
     awk -v reached="${reached:--1}" -v frame=$frame '
       substr($1, 11, 4) * frame <= reached { next }
       { if (!first) first = last = $2

@@ -16,6 +16,7 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace fs = std::filesystem;
@@ -27,7 +28,8 @@ using talus::Vec;
 namespace {
 
 /// The numbers of appended block `block` of a VTK file.
-std::vector<double> appended(const std::string& file, int block) {
+template <class Number = double>
+std::vector<Number> appended(const std::string& file, int block) {
   std::size_t at = file.find("<AppendedData encoding=\"raw\">\n_") + 31;
   std::uint64_t bytes = 0;
   for (int b = 0;; ++b) {
@@ -37,7 +39,7 @@ std::vector<double> appended(const std::string& file, int block) {
       break;
     at += bytes;
   }
-  std::vector<double> values(bytes / sizeof(double));
+  std::vector<Number> values(bytes / sizeof(Number));
   std::memcpy(values.data(), file.data() + at, bytes);
   return values;
 }
@@ -133,7 +135,7 @@ TEST_CASE("VTK: values are appended as they are") {
                               talus::vtk_field("tensor", tensors),
                               talus::vtk_field("id", std::vector<std::size_t>{4, 5})});
   const std::string file = content(folder / "p.vtp");
-  CHECK(contains(file, "Name=\"a&lt;b\" NumberOfComponents=\"1\""));
+  CHECK(contains(file, "Name=\"a&lt;b\" format")); // one component, as without a number
   CHECK(contains(file, "Name=\"velocity\" NumberOfComponents=\"3\""));
   CHECK(contains(file, "Name=\"tensor\" NumberOfComponents=\"9\""));
   CHECK(appended(file, 0) == std::vector<double>{1.5, 0.1});
@@ -167,6 +169,69 @@ TEST_CASE("VTK: nodes of an image, first axis fastest") {
     talus::write_vtk_image<2>(folder / "g.vti", {1, 2}, {0.1, 0.2}, nodes, {field});
     CHECK(contains(content(folder / "g.vti"),
                    "WholeExtent=\"0 2 0 1 0 0\" Origin=\"1 2 0\" Spacing=\"0.1 0.2 1\""));
+  }
+}
+
+TEST_CASE("VTK: an unstructured grid of particles") {
+  const Folder folder;
+  const std::vector<Vec<2>> positions{{0.1, 0.2}, {1e-17, -3}};
+  talus::write_vtk_particles(folder / "p.vtu", positions,
+                             {talus::vtk_field("id", std::vector<std::size_t>{4, 5})});
+  const std::string file = content(folder / "p.vtu");
+  CHECK(contains(file, "<VTKFile type=\"UnstructuredGrid\""));
+  CHECK(contains(file, "NumberOfPoints=\"2\" NumberOfCells=\"2\""));
+  CHECK(appended(file, 0) == std::vector<double>{4, 5});
+  CHECK(appended(file, 1) == std::vector<double>{0.1, 0.2, 0, 1e-17, -3, 0});
+  CHECK(appended<std::int64_t>(file, 2) == std::vector<std::int64_t>{0, 1});
+  CHECK(appended<std::int64_t>(file, 3) == std::vector<std::int64_t>{1, 2});
+  CHECK(appended<std::uint8_t>(file, 4) == std::vector<std::uint8_t>{1, 1});
+}
+
+TEST_CASE("VTK: of a grid only the cells at chosen nodes") {
+  const Folder folder;
+  SUBCASE("2-D: one cell, its nodes once around") {
+    const Index<2> nodes{4, 3};
+    const auto field = talus::vtk_node_field(
+        "f", nodes, [](const Index<2>& i) { return Vec<2>(i[0], 10 * i[1]); });
+    talus::write_vtk_cells<2>(folder / "g.vtu", {1, 2}, {0.5, 0.25}, nodes, {field},
+                              [](const Index<2>& i) {
+                                return i == Index<2>{3, 2};
+                              });
+    const std::string file = content(folder / "g.vtu");
+    CHECK(contains(file, "NumberOfPoints=\"4\" NumberOfCells=\"1\""));
+    CHECK(appended(file, 0) == std::vector<double>{2, 10, 0, 3, 10, 0, 3, 20, 0, 2, 20, 0});
+    CHECK(appended(file, 1) ==
+          std::vector<double>{2, 2.25, 0, 2.5, 2.25, 0, 2.5, 2.5, 0, 2, 2.5, 0});
+    CHECK(appended<std::int32_t>(file, 2) == std::vector<std::int32_t>{0, 1, 2, 3});
+    CHECK(appended<std::int64_t>(file, 3) == std::vector<std::int64_t>{4});
+    CHECK(appended<std::uint8_t>(file, 4) == std::vector<std::uint8_t>{9});
+  }
+  SUBCASE("3-D: two cells that share four nodes") {
+    const Index<3> nodes{2, 2, 3};
+    const auto field = talus::vtk_node_field(
+        "f", nodes, [](const Index<3>& i) { return 100.0 * i[2] + 10.0 * i[1] + i[0]; });
+    talus::write_vtk_cells<3>(folder / "g.vtu", {0, 0, 0}, {1, 1, 1}, nodes, {field},
+                              [](const Index<3>& i) { return i[2] == 1; });
+    const std::string file = content(folder / "g.vtu");
+    CHECK(contains(file, "NumberOfPoints=\"12\" NumberOfCells=\"2\""));
+    CHECK(appended(file, 0) ==
+          std::vector<double>{0, 1, 11, 10, 100, 101, 111, 110, 200, 201, 211, 210});
+    CHECK(appended<std::int32_t>(file, 2) ==
+          std::vector<std::int32_t>{0, 1, 2, 3, 4, 5, 6, 7, 4, 5, 6, 7, 8, 9, 10, 11});
+    CHECK(appended<std::uint8_t>(file, 4) == std::vector<std::uint8_t>{12, 12});
+  }
+  SUBCASE("none") {
+    const Index<2> nodes{4, 3};
+    talus::write_vtk_cells<2>(folder / "g.vtu", {0, 0}, {1, 1}, nodes, {},
+                              [](const Index<2>&) { return false; });
+    CHECK(contains(content(folder / "g.vtu"), "NumberOfPoints=\"0\" NumberOfCells=\"0\""));
+  }
+  SUBCASE("a field of another size") {
+    CHECK_THROWS_AS(talus::write_vtk_cells<2>(folder / "g.vtu", {0, 0}, {1, 1}, {3, 3},
+                                              {{"f", 1, {1, 2}}},
+                                              [](const Index<2>&) { return false; }),
+                    std::invalid_argument);
+    CHECK_FALSE(fs::exists(folder / "g.vtu"));
   }
 }
 
@@ -278,20 +343,23 @@ TEST_CASE("VTK: samples for VTK's own readers") {
     csv.row(x[0], x[1], x[2], pressure[p], v[0], v[1], v[2]);
   }
   csv.close();
-  talus::write_vtk_particles(
-      folder / "particles3.vtp", positions,
-      {talus::vtk_field("pressure <Pa>", pressure), talus::vtk_field("velocity", velocities)});
+  for (const char* name : {"particles3.vtp", "particles3.vtu"})
+    talus::write_vtk_particles(
+        folder / name, positions,
+        {talus::vtk_field("pressure <Pa>", pressure), talus::vtk_field("velocity", velocities)});
 
   csv.open(folder / "particles2.csv", {"x", "y", "z", "speed"});
   csv.row(0.1, 0.7, 0, 1.0 / 3);
   csv.close();
-  talus::write_vtk_particles(folder / "particles2.vtp", std::vector<Vec<2>>{{0.1, 0.7}},
-                             {talus::vtk_field("speed", std::vector<double>{1.0 / 3})});
+  for (const char* name : {"particles2.vtp", "particles2.vtu"})
+    talus::write_vtk_particles(folder / name, std::vector<Vec<2>>{{0.1, 0.7}},
+                               {talus::vtk_field("speed", std::vector<double>{1.0 / 3})});
 
   csv.open(folder / "empty.csv", {"x", "y", "z", "speed"});
   csv.close();
-  talus::write_vtk_particles(folder / "empty.vtp", std::vector<Vec<3>>{},
-                             {talus::vtk_field("speed", std::vector<double>{})});
+  for (const char* name : {"empty.vtp", "empty.vtu"})
+    talus::write_vtk_particles(folder / name, std::vector<Vec<3>>{},
+                               {talus::vtk_field("speed", std::vector<double>{})});
 
   const Index<3> nodes3{4, 3, 2};
   const Vec<3> origin3(-1, 0.5, 2), spacing3(0.25, 0.5, 1);
@@ -314,6 +382,24 @@ TEST_CASE("VTK: samples for VTK's own readers") {
   csv.close();
   talus::write_vtk_image<2>(folder / "grid2.vti", {0, 0}, {0.5, 0.25}, nodes2,
                             {talus::vtk_node_field("u", nodes2, f2)});
+
+  // The cells at one node of these grids: one in 3-D, two in 2-D.
+  const auto shown3 = [](const Index<3>& i) { return i == Index<3>{3, 2, 1}; };
+  csv.open(folder / "cells3.csv", {"x", "y", "z", "f"});
+  for (int k = 0; k < 2; ++k)
+    for (const auto& [i, j] : {std::pair(2, 1), {3, 1}, {3, 2}, {2, 2}})
+      csv.row(-1 + 0.25 * i, 0.5 + 0.5 * j, 2.0 + k, f3({i, j, k}));
+  csv.close();
+  talus::write_vtk_cells(folder / "cells3.vtu", origin3, spacing3, nodes3,
+                         {talus::vtk_node_field("f", nodes3, f3)}, shown3);
+  csv.open(folder / "cells2.csv", {"x", "y", "z", "u_0", "u_1", "u_2"});
+  for (const auto& [i, j] : {std::pair(0, 0), {1, 0}, {1, 1}, {0, 1}, {2, 0}, {2, 1}})
+    csv.row(0.5 * i, 0.25 * j, 0, 0.1 * i, 0.3 * j, 0);
+  csv.close();
+  talus::write_vtk_cells<2>(folder / "cells2.vtu", {0, 0}, {0.5, 0.25}, nodes2,
+                            {talus::vtk_node_field("u", nodes2, f2)}, [](const Index<2>& i) {
+                              return i == Index<2>{1, 0};
+                            });
 
   talus::VtkSeries series(folder / "samples.pvd");
   series.add(0, folder / "particles3.vtp");

@@ -327,7 +327,8 @@ TEST_CASE("free bodies: their start") {
   ball.start.angular_velocity[0] = held.start.angular_velocity[0] = 3;
   held.rotates = false;
   Array<RigidState<2>> start;
-  const FreeBodies<2> free = start_bodies<2>({ball, held}, s.grid, s.faces, nodes, Execution(), start);
+  const FreeBodies<2> free =
+      start_bodies<2>({ball, held}, s.grid, s.faces, nodes, Execution(), start);
   CHECK(free.radius == Array<double>{0.25, 0.25});
   CHECK(free.reach[0] == about(std::sqrt(2) * 0.25));
   CHECK(start[0].angular_velocity[0] == 3);

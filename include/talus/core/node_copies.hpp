@@ -14,9 +14,9 @@ namespace talus {
 
 /// Nodes of the window that stand for a place of which another node is the owner.
 ///
-/// In a box with periodic faces the nodes 0 to n−1 along a periodic axis of n cells are owners; node
-/// −1 is a copy of node n−1 and node n one of node 0, so that owners have all their neighbours at
-/// constant offsets. With several ranks the outermost layer of each window holds copies of nodes
+/// In a box with periodic faces the nodes 0 to n−1 along a periodic axis of n cells are owners;
+/// node −1 is a copy of node n−1 and node n one of node 0, so that owners have all their neighbours
+/// at constant offsets. With several ranks the outermost layer of each window holds copies of nodes
 /// that others own.
 template <int Dim>
 class NodeCopies {

@@ -60,9 +60,8 @@ double kinetic_energy(const Particles<Dim, Real>& particles, double density) {
 template <int Dim, class Real>
 double potential_energy(const Particles<Dim, Real>& particles, double density,
                         const Vec<Dim>& gravity) {
-  return -density * volume_sum(particles, [&](std::size_t p) {
-           return gravity.dot(particles.position[p]);
-         });
+  return -density *
+         volume_sum(particles, [&](std::size_t p) { return gravity.dot(particles.position[p]); });
 }
 
 } // namespace talus

@@ -31,7 +31,8 @@ class Load {
       const Index<Dim> cell = grid.cell_at(x);
       std::size_t number = 0;
       for (int a = 0; a < Dim; ++a)
-        number = number * static_cast<std::size_t>(grid.cells(a)) + static_cast<std::size_t>(cell[a]);
+        number =
+            number * static_cast<std::size_t>(grid.cells(a)) + static_cast<std::size_t>(cell[a]);
       ++cells[number];
     }
     for (const auto& [number, count] : cells) {
@@ -41,8 +42,8 @@ class Load {
         const auto along = static_cast<std::size_t>(grid.cells(a));
         const int node = static_cast<int>(rest % along);
         rest /= along;
-        entry.block[a] = static_cast<int>(
-            std::upper_bound(edges[a].begin(), edges[a].end(), node) - edges[a].begin() - 1);
+        entry.block[a] = static_cast<int>(std::upper_bound(edges[a].begin(), edges[a].end(), node) -
+                                          edges[a].begin() - 1);
       }
       entry.weight = count + cone;
       if (!entries.empty() && entries.back().block == entry.block)

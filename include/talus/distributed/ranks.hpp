@@ -227,8 +227,8 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     const Grid<Dim>& grid = problem.grid;
     Array<char> mine;
     for (const BodyContact<Dim>& contact : problem.body_contacts)
-      put(mine, Touched{contact, grid.node_index(contact.node),
-                        problem.inverse_mass[contact.node], rank()});
+      put(mine, Touched{contact, grid.node_index(contact.node), problem.inverse_mass[contact.node],
+                        rank()});
     Array<Message> out;
     for (int to = 0; to < communicator_->size(); ++to) {
       out.emplace_back();
@@ -271,7 +271,8 @@ class Ranks final : public talus::Ranks<Dim, Real> {
       touched.contact.node = at->second;
       problem.body_contacts.push_back(touched.contact);
     }
-    std::erase_if(peers, [](const auto& peer) { return peer.send.empty() && peer.receive.empty(); });
+    std::erase_if(peers,
+                  [](const auto& peer) { return peer.send.empty() && peer.receive.empty(); });
     halo_->set_touched(std::move(peers));
   }
 

@@ -6,9 +6,11 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/strain_rate.hpp"
 #include "talus/distributed/bytes_of.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/dual/colouring.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/state.hpp"
 
@@ -116,6 +118,10 @@ class Shared {
   Mat<dimension> stress(const Index<dimension>& node) const { return at(node).stress; }
   double pressure(const Index<dimension>& node) const { return stress(node).trace() / dimension; }
   double inertial_number(const Index<dimension>& node) const { return at(node).inertial_number; }
+  /// See StrainRate.
+  const Mat<dimension>& strain_rate(const Index<dimension>& node) const {
+    return at(node).strain_rate;
+  }
 
   /// The state of the whole grid, as restore() takes it on any number of ranks.
   SimulationState<dimension, Real> state() const {
@@ -169,6 +175,7 @@ class Shared {
     double volume_fraction = 0;
     Vec<dimension> velocity = Vec<dimension>::Zero();
     Mat<dimension> stress = Mat<dimension>::Zero();
+    Mat<dimension> strain_rate = Mat<dimension>::Zero();
     double inertial_number = 0;
   };
 
@@ -287,6 +294,7 @@ class Shared {
   }
   Array<Node> gather_fields() const {
     Array<Message> out(1);
+    const StrainRate<dimension> strain_rate(*part_);
     const BlockOrder<dimension> order(part_->grid());
     for (const int node : order.nodes()) {
       const Index<dimension> index = part_->grid().node_index(node);
@@ -295,7 +303,7 @@ class Shared {
         continue;
       put(out[0].bytes, index);
       put(out[0].bytes, Node{fraction, part_->velocity(index), part_->stress(index),
-                             part_->inertial_number(index)});
+                             strain_rate(index), part_->inertial_number(index)});
     }
     const Array<Message> in = mpi_->deliver(out);
     Array<Node> fields;

@@ -226,14 +226,12 @@ class WindowHalo final : public Halo {
   }
   void add_cells(const NodeBox<Dim>& theirs, const NodeBox<Dim>& mine, Array<int>& receive,
                  Array<int>& send) const {
-    for_each_copy(cell_window(mine), own_cells(theirs),
-                  [&](const Index<Dim>& here, const Index<Dim>&) {
-                    receive.push_back(grid_.cell(here));
-                  });
-    for_each_copy(cell_window(theirs), own_cells(mine),
-                  [&](const Index<Dim>&, const Index<Dim>& here) {
-                    send.push_back(grid_.cell(here));
-                  });
+    for_each_copy(
+        cell_window(mine), own_cells(theirs),
+        [&](const Index<Dim>& here, const Index<Dim>&) { receive.push_back(grid_.cell(here)); });
+    for_each_copy(
+        cell_window(theirs), own_cells(mine),
+        [&](const Index<Dim>&, const Index<Dim>& here) { send.push_back(grid_.cell(here)); });
   }
 
   /// Calls visit(colour, nodes that a visit of the block may change) for the blocks of a rank.
@@ -246,8 +244,7 @@ class WindowHalo final : public Halo {
     for (int a = 0; a < Dim; ++a) {
       const Array<int>& edges = partition.edges()[a];
       const auto at = [&](int node) {
-        return static_cast<int>(std::lower_bound(edges.begin(), edges.end(), node) -
-                                edges.begin());
+        return static_cast<int>(std::lower_bound(edges.begin(), edges.end(), node) - edges.begin());
       };
       blocks.begin[a] = at(own.begin[a]);
       blocks.end[a] = at(own.end[a]);
@@ -280,8 +277,7 @@ class WindowHalo final : public Halo {
   }
 
   template <class Send, class Receive>
-  void start(const void* field, std::size_t bytes, const Send& send,
-             const Receive& receive) const {
+  void start(const void* field, std::size_t bytes, const Send& send, const Receive& receive) const {
     start(peers_, field, bytes, send, receive);
   }
   template <class Receive>

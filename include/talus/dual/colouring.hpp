@@ -19,8 +19,9 @@ namespace talus {
 /// changes the velocities of its 3^d neighbours, so two blocks of one colour, a whole block apart,
 /// never touch the same velocity, and threads can share a colour without changing a bit of the
 /// result. Along a periodic axis blocks have 2 to 8 nodes, and copies of nodes are in no block.
-/// With several ranks each has whole blocks: what it does to nodes of others goes to them after each
-/// colour. Those blocks come first in their colour, so that there is something to do meanwhile.
+/// With several ranks each has whole blocks: what it does to nodes of others goes to them after
+/// each colour. Those blocks come first in their colour, so that there is something to do
+/// meanwhile.
 template <int Dim>
 class BlockOrder {
  public:
@@ -255,8 +256,8 @@ void for_each_block(const DualProblem<Dim>& problem, const Execution& execution,
 /// Calls visit(cone) for all cones; those that share a neighbour never at once. field: as
 /// for_each_block.
 template <int Dim, class Value, class Visit>
-void for_each_cone(const DualProblem<Dim>& problem, const Execution& execution,
-                   Array<Value>& field, const Visit& visit) {
+void for_each_cone(const DualProblem<Dim>& problem, const Execution& execution, Array<Value>& field,
+                   const Visit& visit) {
   for_each_block(problem, execution, field, [&](std::size_t b) {
     for (std::size_t i = problem.blocks[b].cone_begin; i < problem.blocks[b].cone_end; ++i)
       visit(i);

@@ -92,7 +92,7 @@ void scatter_stress(DualProblem<Dim>& problem, const Stencil<Dim>& stencil, std:
     for (int k = 0; k < ipow(3, Dim); ++k)
       if (!g.col(k).isZero(0)) // what did not change may be an old copy of what did
         problem.copies.share(problem.velocity,
-                               problem.node[cone] + problem.grid.neighbour_offset(k));
+                             problem.node[cone] + problem.grid.neighbour_offset(k));
 }
 
 /// W_ii = B_i M⁻¹ B_iᵀ (symmetric, positive semi-definite), with B_iᵀ λ = Λ g. m^(2d-2)/kg.

@@ -3,8 +3,8 @@
 
 #include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/node_types.hpp"
 #include "talus/core/node_copies.hpp"
+#include "talus/core/node_types.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 #include "talus/io/atomic_file.hpp"
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -22,8 +24,9 @@
 #include <vector>
 
 /// \file
-/// Files for ParaView and other VTK readers: particles (.vtp), nodal fields (.vti) and time series
-/// (.pvd). XML with the numbers appended as raw doubles, so nothing is rounded.
+/// Files for ParaView and other VTK readers: particles (.vtu or .vtp), nodal fields (.vtu or .vti)
+/// and time series (.pvd). XML with the numbers appended as raw doubles, so nothing is rounded.
+/// meshio reads .vtu alone.
 ///
 /// Two-dimensional data lies in the plane z = 0. A file appears under its name only when complete:
 /// it is written as NAME.tmp and renamed. What cannot be written is a std::runtime_error that names
@@ -97,6 +100,32 @@ std::string vtk_triple(const Vec<Dim>& v, double flat) {
   return shortest(v[0]) + " " + shortest(v[1]) + " " + shortest(Dim == 3 ? v[Dim - 1] : flat);
 }
 
+/// Throws std::invalid_argument unless the field has its components for `items` items.
+inline void check_vtk_field(const VtkField& field, std::size_t items) {
+  const std::string name = "VTK field \"" + field.name + "\"";
+  if (field.components < 1)
+    throw_invalid(name + ": the number of components", field.components, "at least 1");
+  const std::size_t expected = items * static_cast<std::size_t>(field.components);
+  if (field.values.size() != expected)
+    throw_invalid(name + ": the number of values", field.values.size(), std::to_string(expected));
+}
+
+/// The number of nodes of a regular grid. Throws std::invalid_argument if it is none.
+template <int Dim>
+std::size_t vtk_node_count(const Vec<Dim>& origin, const Vec<Dim>& spacing,
+                           const Index<Dim>& nodes) {
+  static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");
+  std::size_t count = 1;
+  for (int a = 0; a < Dim; ++a) {
+    if (nodes[a] < 1)
+      throw_invalid("the number of nodes along axis " + std::to_string(a), nodes[a], "at least 1");
+    require_finite("the origin along axis " + std::to_string(a), origin[a]);
+    require_positive("the spacing along axis " + std::to_string(a), spacing[a]);
+    count *= static_cast<std::size_t>(nodes[a]);
+  }
+  return count;
+}
+
 /// The XML of a VTK file and the arrays that its end is made of.
 class VtkDocument {
  public:
@@ -107,30 +136,29 @@ class VtkDocument {
 
   void add(std::string_view xml) { xml_ += xml; }
 
-  /// `values` must live until write().
+  /// `values` and `chosen` must live until write(). chosen: which items are written; null: all.
   template <class Number>
-  void add_array(std::string_view name, int components, const std::vector<Number>& values) {
-    static_assert(std::same_as<Number, double> || std::same_as<Number, std::int64_t>);
-    xml_ += std::string("<DataArray type=\"") +
-            (std::same_as<Number, double> ? "Float64" : "Int64") + "\" Name=\"" +
-            xml_escaped(name) + "\" NumberOfComponents=\"" + std::to_string(components) +
-            "\" format=\"appended\" offset=\"" + std::to_string(offset_) + "\"/>\n";
-    blocks_.push_back({values.data(), values.size() * sizeof(Number)});
-    offset_ += sizeof(std::uint64_t) + blocks_.back().bytes;
+  void add_array(std::string_view name, int components, const std::vector<Number>& values,
+                 const std::vector<std::int32_t>* chosen = nullptr) {
+    xml_ += "<DataArray type=\"" + std::string(type_name<Number>()) + "\" Name=\"" +
+            xml_escaped(name) + '"';
+    if (components > 1) // meshio would make a matrix of one column of it
+      xml_ += " NumberOfComponents=\"" + std::to_string(components) + '"';
+    xml_ += " format=\"appended\" offset=\"" + std::to_string(offset_) + "\"/>\n";
+    const std::size_t item = static_cast<std::size_t>(components) * sizeof(Number);
+    const std::size_t bytes =
+        chosen == nullptr ? values.size() * sizeof(Number) : chosen->size() * item;
+    blocks_.push_back({reinterpret_cast<const char*>(values.data()), bytes, item, chosen});
+    offset_ += sizeof(std::uint64_t) + bytes;
   }
 
   /// Throws std::invalid_argument unless each field has its components for `items` items.
-  void add_point_data(const std::vector<VtkField>& fields, std::size_t items) {
+  void add_point_data(const std::vector<VtkField>& fields, std::size_t items,
+                      const std::vector<std::int32_t>* chosen = nullptr) {
     add("<PointData>\n");
     for (const VtkField& field : fields) {
-      const std::string name = "VTK field \"" + field.name + "\"";
-      if (field.components < 1)
-        throw_invalid(name + ": the number of components", field.components, "at least 1");
-      const std::size_t expected = items * static_cast<std::size_t>(field.components);
-      if (field.values.size() != expected)
-        throw_invalid(name + ": the number of values", field.values.size(),
-                      std::to_string(expected));
-      add_array(field.name, field.components, field.values);
+      check_vtk_field(field, items);
+      add_array(field.name, field.components, field.values, chosen);
     }
     add("</PointData>\n");
   }
@@ -142,7 +170,11 @@ class VtkDocument {
     for (const Block& block : blocks_) {
       const std::uint64_t bytes = block.bytes;
       file.write(&bytes, sizeof bytes);
-      file.write(block.data, block.bytes);
+      if (block.chosen == nullptr)
+        file.write(block.data, block.bytes);
+      else
+        for (const std::int32_t item : *block.chosen)
+          file.write(block.data + static_cast<std::size_t>(item) * block.item, block.item);
     }
     file.write("\n</AppendedData>\n</VTKFile>\n");
     file.commit();
@@ -150,14 +182,55 @@ class VtkDocument {
 
  private:
   struct Block {
-    const void* data;
-    std::size_t bytes;
+    const char* data;
+    std::size_t bytes, item; ///< of all that is written; of one item
+    const std::vector<std::int32_t>* chosen;
   };
+
+  template <class Number>
+  static constexpr std::string_view type_name() {
+    if constexpr (std::same_as<Number, double>)
+      return "Float64";
+    else if constexpr (std::same_as<Number, std::int64_t>)
+      return "Int64";
+    else if constexpr (std::same_as<Number, std::int32_t>)
+      return "Int32";
+    else
+      return "UInt8";
+  }
 
   std::string type_, xml_;
   std::vector<Block> blocks_;
   std::size_t offset_ = 0;
 };
+
+/// An unstructured grid. points: 3 coordinates each, m; fields: one value for each of `items`, of
+/// which `chosen` are the points (null: all); cells: the points of each cell, one after the other;
+/// corners: points of a cell; shape: VTK's number of it.
+template <class Number>
+void write_vtk_unstructured(const std::filesystem::path& path, const std::vector<double>& points,
+                            const std::vector<VtkField>& fields, std::size_t items,
+                            const std::vector<std::int32_t>* chosen,
+                            const std::vector<Number>& cells, std::size_t corners,
+                            std::uint8_t shape) {
+  const std::size_t count = cells.size() / corners;
+  std::vector<std::int64_t> ends(count);
+  for (std::size_t c = 0; c < count; ++c)
+    ends[c] = static_cast<std::int64_t>(corners * (c + 1));
+  const std::vector<std::uint8_t> shapes(count, shape);
+  VtkDocument file("UnstructuredGrid");
+  file.add("<UnstructuredGrid>\n<Piece NumberOfPoints=\"" + std::to_string(points.size() / 3) +
+           "\" NumberOfCells=\"" + std::to_string(count) + "\">\n");
+  file.add_point_data(fields, items, chosen);
+  file.add("<Points>\n");
+  file.add_array("position", 3, points);
+  file.add("</Points>\n<Cells>\n");
+  file.add_array("connectivity", 1, cells);
+  file.add_array("offsets", 1, ends);
+  file.add_array("types", 1, shapes);
+  file.add("</Cells>\n</Piece>\n");
+  file.write(path);
+}
 
 } // namespace detail
 
@@ -199,9 +272,9 @@ VtkField vtk_node_field(std::string name, const Index<Dim>& nodes, const Functio
   return field;
 }
 
-/// Writes particles as points (.vtp). positions: #p × d, m; fields: #p values each.
-/// Throws std::invalid_argument for a field of another size, std::runtime_error if the file cannot
-/// be written.
+/// Writes particles as points: an unstructured grid if the path ends with .vtu, poly data (.vtp)
+/// else. positions: #p × d, m; fields: #p values each. Throws std::invalid_argument for a field of
+/// another size, std::runtime_error if the file cannot be written.
 template <int Dim>
 void write_vtk_particles(const std::filesystem::path& path, const std::vector<Vec<Dim>>& positions,
                          const std::vector<VtkField>& fields) {
@@ -211,6 +284,11 @@ void write_vtk_particles(const std::filesystem::path& path, const std::vector<Ve
   for (std::size_t p = 0; p < count; ++p) {
     first[p] = static_cast<std::int64_t>(p);
     last[p] = static_cast<std::int64_t>(p + 1);
+  }
+  if (path.extension() == ".vtu") {
+    constexpr std::uint8_t vertex = 1;
+    detail::write_vtk_unstructured(path, points, fields, count, nullptr, first, 1, vertex);
+    return;
   }
   const std::string number = std::to_string(count);
   detail::VtkDocument file("PolyData");
@@ -235,20 +313,10 @@ template <int Dim>
 void write_vtk_image(const std::filesystem::path& path, const Vec<Dim>& origin,
                      const Vec<Dim>& spacing, const Index<Dim>& nodes,
                      const std::vector<VtkField>& fields) {
-  static_assert(Dim == 2 || Dim == 3, "talus: the dimension is 2 or 3");
-  std::size_t count = 1;
+  const std::size_t count = detail::vtk_node_count<Dim>(origin, spacing, nodes);
   std::string extent;
-  for (int a = 0; a < 3; ++a) {
-    const int n = a < Dim ? nodes[a] : 1;
-    if (n < 1)
-      throw_invalid("the number of nodes along axis " + std::to_string(a), n, "at least 1");
-    if (a < Dim) {
-      require_finite("the origin along axis " + std::to_string(a), origin[a]);
-      require_positive("the spacing along axis " + std::to_string(a), spacing[a]);
-    }
-    count *= static_cast<std::size_t>(n);
-    extent += (a > 0 ? " 0 " : "0 ") + std::to_string(n - 1);
-  }
+  for (int a = 0; a < 3; ++a)
+    extent += (a > 0 ? " 0 " : "0 ") + std::to_string(a < Dim ? nodes[a] - 1 : 0);
   detail::VtkDocument file("ImageData");
   file.add("<ImageData WholeExtent=\"" + extent + "\" Origin=\"" +
            detail::vtk_triple<Dim>(origin, 0) + "\" Spacing=\"" +
@@ -256,6 +324,66 @@ void write_vtk_image(const std::filesystem::path& path, const Vec<Dim>& origin,
   file.add_point_data(fields, count);
   file.add("</Piece>\n");
   file.write(path);
+}
+
+/// Writes nodal fields of a part of a regular grid (.vtu): of the cells with a node for which
+/// shown(Index<Dim>) is true, as quadrilaterals or hexahedra. What has material is often a small
+/// part of the box. Everything else as write_vtk_image: the fields have values for all nodes.
+template <int Dim, class Shown>
+void write_vtk_cells(const std::filesystem::path& path, const Vec<Dim>& origin,
+                     const Vec<Dim>& spacing, const Index<Dim>& nodes,
+                     const std::vector<VtkField>& fields, const Shown& shown) {
+  const std::size_t count = detail::vtk_node_count<Dim>(origin, spacing, nodes);
+  constexpr std::size_t most = std::numeric_limits<std::int32_t>::max();
+  if (count > most)
+    throw_invalid("the number of nodes", count, "at most " + std::to_string(most));
+  // VTK goes around the lower face of a cell, then around the upper one.
+  constexpr std::size_t corners = ipow(2, Dim);
+  constexpr int around[8][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0},
+                                {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
+  constexpr std::uint8_t shape = Dim == 2 ? 9 : 12;
+  const auto number = [&](const Index<Dim>& node) { // the first axis fastest
+    std::int32_t n = 0;
+    for (int a = Dim - 1; a >= 0; --a)
+      n = n * nodes[a] + node[a];
+    return n;
+  };
+  Array<std::int32_t> place(count, -1); // of a node among those that are written
+  std::vector<std::int32_t> written;
+  std::vector<double> points;
+  std::vector<std::int32_t> cells;
+  Index<Dim> cell;
+  const int layers = Dim == 3 ? nodes[Dim - 1] - 1 : 1;
+  for (int k = 0; k < layers; ++k)
+    for (int j = 0; j < nodes[1] - 1; ++j)
+      for (int i = 0; i < nodes[0] - 1; ++i) {
+        cell[Dim - 1] = k; // overwritten by j in 2-D
+        cell[1] = j;
+        cell[0] = i;
+        const auto corner = [&](std::size_t c) {
+          Index<Dim> node = cell;
+          for (int a = 0; a < Dim; ++a)
+            node[a] += around[c][a];
+          return node;
+        };
+        bool any = false;
+        for (std::size_t c = 0; c < corners && !any; ++c)
+          any = shown(corner(c));
+        if (!any)
+          continue;
+        for (std::size_t c = 0; c < corners; ++c) {
+          const Index<Dim> node = corner(c);
+          const std::int32_t n = number(node);
+          if (place[n] < 0) {
+            place[n] = static_cast<std::int32_t>(written.size());
+            written.push_back(n);
+            for (int a = 0; a < 3; ++a)
+              points.push_back(a < Dim ? origin[a] + spacing[a] * node[a] : 0);
+          }
+          cells.push_back(place[n]);
+        }
+      }
+  detail::write_vtk_unstructured(path, points, fields, count, &written, cells, corners, shape);
 }
 
 /// A time series (.pvd): which file shows which time. The list is rewritten with every frame, so it

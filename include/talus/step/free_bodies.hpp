@@ -82,8 +82,8 @@ void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const B
 }
 
 /// Throws std::invalid_argument if a parameter is out of range, a corner is outside of the box, or
-/// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box, or of
-/// each rank.
+/// the body is thinner than two cells: the grid would not resolve it. nodes: those of the box, or
+/// of each rank.
 template <int Dim>
 void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<Dim>& faces,
                       const Array<int>& nodes, const Execution& execution) {

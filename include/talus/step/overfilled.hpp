@@ -15,11 +15,11 @@ namespace talus {
 
 /// Throws std::invalid_argument if the particles of some 3^d cells (fewer at faces) fill more than
 /// `densest` times their volume: every step of such a scene would converge, with wrong heights.
-/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. halo: how ranks share
-/// nodes, if there are several.
+/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. halo: how ranks
+/// share nodes, if there are several.
 template <int Dim, class Real>
-void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid,
-                      double densest, const Halo* halo = nullptr) {
+void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid, double densest,
+                      const Halo* halo = nullptr) {
   // by the cells' first nodes, whose numbers have room for neighbours on every side
   Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
   Array<int> count(volume.size(), 0);

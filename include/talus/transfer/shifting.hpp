@@ -28,39 +28,39 @@ void shift_particles(Particles<Dim, Real>& particles, const Grid<Dim>& grid,
                      const Array<double>& excess, const Array<double>& strain, double rate,
                      const Vec<Dim>& lower, const Vec<Dim>& upper, const Execution& execution) {
   using G = Grid<Dim>;
-  execution.for_ranges(std::ssize(particles.position), [&](std::ptrdiff_t begin,
-                                                           std::ptrdiff_t end) {
-    for (std::ptrdiff_t p = begin; p < end; ++p) {
-      Vec<Dim>& x = particles.position[static_cast<std::size_t>(p)];
-      const Index<Dim> cell = grid.cell_at(x);
-      const int first = grid.first_node(cell);
-      double sheared = 0;
-      bool inside = true;
-      for (int c = 0; c < G::corners && inside; ++c) {
-        const int node = first + grid.corner_offset(c);
-        inside = excess[node] < not_inside;
-        sheared += strain[node] / G::corners;
-      }
-      if (!inside)
-        continue;
-      const double share = std::min(0.1, rate * sheared);
-      const Vec<Dim> xi = grid.local(x, cell);
-      Vec<Dim> slope = Vec<Dim>::Zero(); // h ∇φ
-      for (int c = 0; c < G::corners; ++c) {
-        const double here = excess[first + grid.corner_offset(c)];
-        for (int a = 0; a < Dim; ++a) {
-          double weight = G::corner_bit(c, a) ? here : -here;
-          for (int b = 0; b < Dim; ++b)
-            if (b != a)
-              weight *= G::corner_bit(c, b) ? xi[b] : 1 - xi[b];
-          slope[a] += weight;
+  execution.for_ranges(
+      std::ssize(particles.position), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
+        for (std::ptrdiff_t p = begin; p < end; ++p) {
+          Vec<Dim>& x = particles.position[static_cast<std::size_t>(p)];
+          const Index<Dim> cell = grid.cell_at(x);
+          const int first = grid.first_node(cell);
+          double sheared = 0;
+          bool inside = true;
+          for (int c = 0; c < G::corners && inside; ++c) {
+            const int node = first + grid.corner_offset(c);
+            inside = excess[node] < not_inside;
+            sheared += strain[node] / G::corners;
+          }
+          if (!inside)
+            continue;
+          const double share = std::min(0.1, rate * sheared);
+          const Vec<Dim> xi = grid.local(x, cell);
+          Vec<Dim> slope = Vec<Dim>::Zero(); // h ∇φ
+          for (int c = 0; c < G::corners; ++c) {
+            const double here = excess[first + grid.corner_offset(c)];
+            for (int a = 0; a < Dim; ++a) {
+              double weight = G::corner_bit(c, a) ? here : -here;
+              for (int b = 0; b < Dim; ++b)
+                if (b != a)
+                  weight *= G::corner_bit(c, b) ? xi[b] : 1 - xi[b];
+              slope[a] += weight;
+            }
+          }
+          for (int a = 0; a < Dim; ++a)
+            x[a] = std::clamp(x[a] - share * grid.spacing()[a] * slope[a], lower[a], upper[a]);
+          x = grid.wrapped(x);
         }
-      }
-      for (int a = 0; a < Dim; ++a)
-        x[a] = std::clamp(x[a] - share * grid.spacing()[a] * slope[a], lower[a], upper[a]);
-      x = grid.wrapped(x);
-    }
-  });
+      });
 }
 
 } // namespace talus
