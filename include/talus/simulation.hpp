@@ -219,7 +219,8 @@ class Simulation {
       torn_ = false;
       attempt.complete();
       keep_forces();
-      measure_wrenches(boundaries(), solved_step(), execution_, work_.held_momentum, wrenches_);
+      measure_wrenches(boundaries(), solved_step(), execution_, work_.held_momentum,
+                       work_.wrench_sums, wrenches_);
       report.bodies_left =
           move_bodies(params_.bodies, bodies_, problem_, state_.time_step, state_.bodies);
       const Outflow outflow =

@@ -379,7 +379,8 @@ TEST_CASE("wrenches: which face holds a node") {
   Scene<3> s;
   const auto forces = [&](const Index<3>& index, const NodeVec<3>& inverse_mass) {
     Array<Wrench<3>> wrenches(s.bounds().sources());
-    WrenchSums<3> sums(wrenches.size());
+    Array<ExactSum> workspace;
+    WrenchSums<3> sums(wrenches.size(), workspace);
     add_to_holding_faces<3>(s.bounds(), s.grid.node(index), inverse_mass, {2, 4, 6}, sums);
     sums.write(Execution(), 1, wrenches);
     const Vec<3> x = s.grid.node_position(index);
@@ -435,7 +436,7 @@ TEST_CASE("wrenches: contacts give the reverse of their impulses, over the time 
   Array<Wrench<2>> wrenches(6);
   wrenches[3].force = {7, 7}; // of the last step
   measure_wrenches<2>(s.bounds(), {s.problem, stress, s.fields, s.work, viscous, 2, 0.5, {0, -10}},
-                      Execution(), s.work.held_momentum, wrenches);
+                      Execution(), s.work.held_momentum, s.work.wrench_sums, wrenches);
   const auto check = [&](std::size_t source, const Vec<2>& force, double torque) {
     CAPTURE(source);
     CHECK(wrenches[source].force == force);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
@@ -52,6 +53,7 @@ struct StepWorkspace {
   Array<double> strain;                ///< |γ̇| δt, #nodes
   Array<BodyContact<Dim>> touched;     ///< nodes that free bodies touch
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
+  Array<ExactSum> wrench_sums;         ///< see WrenchSums
   Array<std::size_t> counts;           ///< of cones by block; of sums
   Array<double> partials;              ///< of sums and maxima
 };

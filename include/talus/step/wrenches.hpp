@@ -68,7 +68,10 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
 template <int Dim>
 class WrenchSums {
  public:
-  explicit WrenchSums(std::size_t sources) : sums_(sources * components) {}
+  /// sums: workspace, kept as long as this is used.
+  WrenchSums(std::size_t sources, Array<ExactSum>& sums) : sums_(sums) {
+    sums.assign(sources * components, ExactSum());
+  }
 
   /// Adds a force (or an impulse) f that acts at x.
   void add(int boundary_id, const Vec<Dim>& x, const Vec<Dim>& f) {
@@ -97,7 +100,7 @@ class WrenchSums {
     return sums_[components * source + static_cast<std::size_t>(component)].value();
   }
 
-  Array<ExactSum> sums_;
+  Array<ExactSum>& sums_;
 };
 
 /// Gives the momentum of a node to the faces that hold it. Where several faces that stick meet,
@@ -138,11 +141,11 @@ bool owns_node(const Grid<Dim>& grid, int node) {
 
 /// What every face, obstacle and body feels, the mean over the step: the impulses of its contacts,
 /// and on faces that stick or slip the momentum that the nodes on them would have without them.
-/// held_momentum: workspace; wrenches: by boundary id.
+/// held_momentum, wrench_sums: workspace; wrenches: by boundary id.
 template <int Dim>
 void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step,
                       const Execution& execution, Array<Vec<Dim>>& held_momentum,
-                      Array<Wrench<Dim>>& wrenches) {
+                      Array<ExactSum>& wrench_sums, Array<Wrench<Dim>>& wrenches) {
   const DualProblem<Dim>& problem = step.problem;
   const auto is_held = [&](int node) {
     bool held = false;
@@ -155,7 +158,7 @@ void measure_wrenches(const Boundaries<Dim>& bounds, const SolvedStep<Dim>& step
     if (is_held(problem.node[i]))
       held_momentum[i] = momentum_if_free(step, problem.node[i]);
   });
-  WrenchSums<Dim> sums(wrenches.size());
+  WrenchSums<Dim> sums(wrenches.size(), wrench_sums);
   const auto add_if_held = [&](int node, const Vec<Dim>& momentum) {
     add_to_holding_faces(bounds, node, problem.inverse_mass[node], momentum, sums);
   };
