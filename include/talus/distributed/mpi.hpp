@@ -3,15 +3,14 @@
 
 #include "talus/core/array.hpp"
 #include "talus/core/communicator.hpp"
-#include "talus/core/error.hpp"
+#include "talus/distributed/ranks.hpp"
 
 #include <mpi.h>
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
+#include <memory>
 #include <stdexcept>
-#include <string>
 
 namespace talus::distributed {
 
@@ -117,5 +116,13 @@ class Mpi final : public Communicator {
   int rank_ = 0, size_ = 1;
   mutable Array<MPI_Request> requests_;
 };
+
+/// The ranks of an MPI communicator, as Params::ranks of one simulation. Collective; throws as Mpi
+/// and Ranks.
+template <int Dim, class Real = double>
+std::shared_ptr<Ranks<Dim, Real>> make_ranks(MPI_Comm communicator = MPI_COMM_WORLD,
+                                             const Dealing& dealing = {}) {
+  return std::make_shared<Ranks<Dim, Real>>(std::make_shared<Mpi>(communicator), dealing);
+}
 
 } // namespace talus::distributed
