@@ -10,6 +10,7 @@
 #include "talus/distributed/bytes_of.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/together.hpp"
 #include "talus/dual/colouring.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/state.hpp"
@@ -86,9 +87,9 @@ class Shared {
   void set_gravity(const Vec<dimension>& gravity) {
     check_gravity("gravity", gravity);
     command(Command::gravity);
-    Message message;
-    put(message.bytes, gravity);
-    broadcast(std::move(message.bytes));
+    Array<char> bytes;
+    put(bytes, gravity);
+    broadcast(*mpi_, std::move(bytes));
     part_->set_gravity(gravity);
   }
 
@@ -132,7 +133,7 @@ class Shared {
     command(Command::restore);
     Array<char> bytes;
     ranks_->put_state(state, bytes);
-    broadcast(std::move(bytes));
+    broadcast(*mpi_, std::move(bytes));
     part_->restore(std::move(state)); // throws on all ranks or on none
     particles_.reset();
     fields_.reset();
@@ -190,19 +191,6 @@ class Shared {
     return static_cast<Command>(code);
   }
 
-  /// Rank 0 gives, and all others get, the same bytes.
-  Array<char> broadcast(Array<char> bytes = {}) const {
-    Array<Message> out;
-    if (mpi_->rank() == 0)
-      for (int to = 1; to < mpi_->size(); ++to) {
-        out.emplace_back();
-        out.back().rank = to;
-        out.back().bytes = bytes;
-      }
-    Array<Message> in = mpi_->deliver(out);
-    return in.empty() ? Array<char>() : std::move(in[0].bytes);
-  }
-
   void serve() {
     for (Command what = next_command(); what != Command::end; what = next_command()) {
       switch (what) {
@@ -210,7 +198,7 @@ class Shared {
         static_cast<void>(try_step([](const auto&) {}));
         break;
       case Command::gravity: {
-        const Array<char> bytes = broadcast();
+        const Array<char> bytes = broadcast(*mpi_);
         part_->set_gravity(Taker(bytes).template take<Vec<dimension>>());
         break;
       }
@@ -224,7 +212,7 @@ class Shared {
         static_cast<void>(ranks_->gather(part_->state()));
         break;
       case Command::restore: {
-        const Array<char> bytes = broadcast();
+        const Array<char> bytes = broadcast(*mpi_);
         try {
           part_->restore(ranks_->take_state(bytes));
         } catch (const std::invalid_argument&) { // NOLINT: rank 0 has thrown the same
