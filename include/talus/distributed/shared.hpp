@@ -8,10 +8,12 @@
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/strain_rate.hpp"
 #include "talus/distributed/bytes_of.hpp"
+#include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
 #include "talus/distributed/together.hpp"
 #include "talus/dual/colouring.hpp"
+#include "talus/io/checkpoint.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/state.hpp"
 
@@ -22,10 +24,13 @@
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <utility>
 
 namespace talus::distributed {
@@ -139,6 +144,25 @@ class Shared {
     fields_.reset();
   }
 
+  /// Saves the state in pieces, or goes on from them, without gathering: see
+  /// distributed::write_checkpoint and read_checkpoint. Here a checkpoint of a program for one
+  /// process is read, too.
+  void write_checkpoint(const std::filesystem::path& path, std::string_view notes = {}) const {
+    command(Command::write);
+    static_cast<void>(broadcast(*mpi_, path.string()));
+    distributed::write_checkpoint(path, *part_, *ranks_, notes);
+  }
+  std::string read_checkpoint(const std::filesystem::path& path) {
+    if (!is_in_pieces(path))
+      return talus::read_checkpoint(path, *this);
+    command(Command::read);
+    static_cast<void>(broadcast(*mpi_, path.string()));
+    std::string notes = distributed::read_checkpoint(path, *part_, *ranks_);
+    particles_.reset();
+    fields_.reset();
+    return notes;
+  }
+
   /// Largest |v_p|, m/s, and how high the highest particle is, m, without gathering them.
   double largest_speed() const {
     command(Command::largest_speed);
@@ -167,6 +191,8 @@ class Shared {
     fields,
     state,
     restore,
+    write,
+    read,
     largest_speed,
     highest_particle,
     fingerprint
@@ -216,6 +242,18 @@ class Shared {
         try {
           part_->restore(ranks_->take_state(bytes));
         } catch (const std::invalid_argument&) { // NOLINT: rank 0 has thrown the same
+        }
+        break;
+      }
+      case Command::write:
+      case Command::read: {
+        const std::string path = broadcast(*mpi_, std::string());
+        try {
+          if (what == Command::write)
+            distributed::write_checkpoint(path, *part_, *ranks_);
+          else
+            static_cast<void>(distributed::read_checkpoint(path, *part_, *ranks_));
+        } catch (const std::runtime_error&) { // NOLINT: rank 0 has thrown the same
         }
         break;
       }

@@ -374,8 +374,8 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   constexpr int dim = Sim::dimension;
   detail::ByteReader in(path);
   if (in.starts_with(detail::pieces_kind))
-    in.fail("it lists the pieces of a run on several ranks (MPI): to be gone on with on ranks, of "
-            "which one is enough");
+    in.fail("it lists the pieces of a run on several ranks, which go on with it (--ranks 1 or more "
+            "for an example program)");
   detail::take_format(in, detail::checkpoint_kind, detail::checkpoint_format);
 
   SimulationState<dim, typename Sim::ParticleData::Scalar> state;
