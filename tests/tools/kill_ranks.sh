@@ -10,7 +10,7 @@
 # N; MPIRUN="mpirun OPTIONS...": what starts ranks.
 set -eu
 program=$1 folder=$2
-interval=0.3 # s between checkpoints
+interval=0.1 # s between checkpoints
 allowed=2    # s more, for a step, a write and a busy machine
 rm -rf "$folder"
 mkdir -p "$folder"
@@ -19,7 +19,7 @@ if [ "$(id -u)" = 0 ]; then # Open MPI refuses root, and more ranks than cores, 
 fi
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_mpi_yield_when_idle=1
 mpirun=${MPIRUN:-mpirun}
-options="--case B00 --dim 2 --end-time 0.05 --vtk none --quiet --no-plot --threads 1"
+options="--case B00 --dim 2 --end-time 0.6 --vtk none --quiet --no-plot --threads 1"
 killed=$folder/killed
 # shellcheck disable=SC2086 # several words
 $mpirun -n 1 "$program" $options --out "$folder/whole"
@@ -40,7 +40,7 @@ while :; do
   sh -c "exec $mpirun -n $ranks $program $options --checkpoint-interval $interval --resume --out $killed" \
     > "$folder/log" 2>&1 &
   process=$!
-  sleep "$(awk -v seed="$((seed + kills))" 'BEGIN { srand(seed); print 0.5 + 4 * rand() }')"
+  sleep "$(awk -v seed="$((seed + kills))" 'BEGIN { srand(seed); print 0.5 + 3 * rand() }')"
   victim=$(ps -o pid= --ppid $process | awk -v seed="$((seed + kills))" '
     { ids[NR] = $1 } END { srand(seed + 1); if (NR) print ids[1 + int(NR * rand())] }')
   moment=$(date +%s.%N)
@@ -59,7 +59,7 @@ while :; do
     }
     if [ "$killed/checkpoint.talus" -nt "$folder/started" ]; then
       worst=$(stat -c %.Y "$killed/checkpoint.talus" |
-        awk -v moment="$moment" -v worst="$worst" '{ age = moment - $1; print age > worst ? age : worst }')
+        awk -v moment="$moment" -v worst="$worst" '{ age = moment - $1; print (age > worst ? age : worst) }')
       echo "$worst" | awk -v most=$interval -v more=$allowed '{ exit !($1 <= most + more) }' || {
         echo "SIGKILL cost $worst s, checkpoints are $interval s apart"
         exit 1
