@@ -12,6 +12,8 @@
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/vtk.hpp"
+#include "talus/io/vtk.hpp"
 
 #include <doctest/doctest.h>
 #include <sys/resource.h>
@@ -19,6 +21,7 @@
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -28,6 +31,7 @@
 #include <string>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 using namespace talus;
 using support::contains, support::content, support::message_of;
@@ -507,6 +511,72 @@ TEST_CASE("pieces: particles with one id on two ranks are refused on all") {
     CHECK_THROWS_AS(run.team->part_of_shares(share), std::invalid_argument);
   run.step(1);
   CHECK(run.sim.steps() == 1);
+}
+
+namespace {
+
+/// The numbers that follow `key=` in a file, in order.
+std::vector<std::size_t> counts(const fs::path& path, const std::string& key) {
+  std::vector<std::size_t> found;
+  const std::string text = content(path), begin = key + "=\"";
+  for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1))
+    found.push_back(std::stoul(text.substr(at + begin.size())));
+  return found;
+}
+
+/// Files of all ranks beside those of one.
+template <class S>
+void check_vtk(const scenes::Scene<S>& scene) {
+  constexpr int dim = S::dimension;
+  const SharedFolder folder;
+  OnRanks<S> run(scene, mpi), alone(scene, std::make_shared<distributed::Mpi>(MPI_COMM_SELF));
+  run.step(10);
+  alone.step(10);
+  const auto write = [&](const OnRanks<S>& by, const char* particles, const char* cells) {
+    const auto stress = [&](const Index<dim>& node) { return by.sim.stress(node); };
+    const auto fraction = [&](const Index<dim>& node) { return by.sim.volume_fraction(node); };
+    const distributed::ParallelVtk vtk(by.sim);
+    vtk.write_particles(folder / particles, {vtk_field("id", by.sim.particles().id),
+                                             vtk.particle_field("stress", stress)});
+    vtk.write_cells(folder / cells,
+                    {vtk.node_field("stress", stress), vtk.node_field("fraction", fraction)});
+  };
+  write(run, "particles.pvtu", "cells.pvtu");
+  SharedFolder::wait();
+  if (mpi->rank() == 0) {
+    write(alone, "all_particles.pvtu", "all_cells.pvtu");
+    std::size_t particles = 0, cells = 0;
+    for (int rank = 0; rank < mpi->size(); ++rank) {
+      const std::string end = "_" + std::to_string(rank) + ".vtu";
+      particles += counts(folder / ("particles" + end).c_str(), "NumberOfPoints").at(0);
+      cells += counts(folder / ("cells" + end).c_str(), "NumberOfCells").at(0);
+      CHECK(contains(content(folder / "cells.pvtu"), "<Piece Source=\"cells" + end + "\"/>"));
+      CHECK(contains(content(folder / "particles.pvtu"), "\"particles" + end + "\""));
+    }
+    CHECK(particles == alone.sim.particles().size());
+    CHECK(cells == counts(folder / "all_cells_0.vtu", "NumberOfCells").at(0));
+    CHECK(cells > 0);
+    CHECK(counts(folder / "cells.pvtu", "NumberOfComponents") == std::vector<std::size_t>{9, 1, 3});
+    if (const char* const kept = std::getenv("TALUS_VTK_SAMPLES")) { // for tests/tools/check_vtk.py
+      const fs::path samples = fs::path(kept) / (std::to_string(dim) + "d");
+      fs::create_directories(samples);
+      for (const std::string& name : folder.files())
+        fs::copy_file(folder / name.c_str(), samples / name, fs::copy_options::overwrite_existing);
+    }
+    fs::create_directories(folder / "cells.pvtu.tmp"); // in the way
+  }
+  SharedFolder::wait();
+  CHECK(
+      contains(message_of<std::runtime_error>([&] { write(run, "particles.pvtu", "cells.pvtu"); }),
+               "cells.pvtu"));
+}
+
+} // namespace
+
+TEST_CASE("parallel VTK: each particle and each cell with material in one piece") {
+  check_vtk(contacts<2>());
+  check_vtk(contacts<3>());
+  check_vtk(scenes::chute<2>());
 }
 
 int main(int argc, char** argv) {
