@@ -8,6 +8,7 @@
 #include "../support/files.hpp"
 #include "scenes.hpp"
 
+#include "talus/core/fingerprint.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
@@ -18,6 +19,7 @@
 #include <doctest/doctest.h>
 #include <sys/resource.h>
 
+#include <bit>
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
@@ -524,6 +526,23 @@ std::vector<std::size_t> counts(const fs::path& path, const std::string& key) {
   return found;
 }
 
+/// Σ over the particles of the ranks of a fingerprint of the id and the field's numbers.
+template <class S>
+std::int64_t fingerprint(const OnRanks<S>& run, const VtkField& field) {
+  std::uint64_t sum = 0;
+  const auto components = static_cast<std::size_t>(field.components);
+  for (std::size_t p = 0; p < run.sim.particles().size(); ++p) {
+    Fingerprint one;
+    one.add(std::uint64_t{run.sim.particles().id[p]});
+    for (std::size_t k = 0; k < components; ++k)
+      one.add(std::bit_cast<std::uint64_t>(field.values.at(components * p + k)));
+    sum += one.value();
+  }
+  auto of_all = static_cast<std::int64_t>(sum);
+  run.talker->sum(&of_all, 1);
+  return of_all;
+}
+
 /// Files of all ranks beside those of one.
 template <class S>
 void check_vtk(const scenes::Scene<S>& scene) {
@@ -536,15 +555,16 @@ void check_vtk(const scenes::Scene<S>& scene) {
     const auto stress = [&](const Index<dim>& node) { return by.sim.stress(node); };
     const auto fraction = [&](const Index<dim>& node) { return by.sim.volume_fraction(node); };
     const distributed::ParallelVtk vtk(by.sim);
-    vtk.write_particles(folder / particles, {vtk_field("id", by.sim.particles().id),
-                                             vtk.particle_field("stress", stress)});
+    const VtkField at_particles = vtk.particle_field("stress", stress);
+    vtk.write_particles(folder / particles, {vtk_field("id", by.sim.particles().id), at_particles});
     vtk.write_cells(folder / cells,
                     {vtk.node_field("stress", stress), vtk.node_field("fraction", fraction)});
+    return fingerprint(by, at_particles);
   };
-  write(run, "particles.pvtu", "cells.pvtu");
+  const std::int64_t written = write(run, "particles.pvtu", "cells.pvtu");
   SharedFolder::wait();
   if (mpi->rank() == 0) {
-    write(alone, "all_particles.pvtu", "all_cells.pvtu");
+    CHECK(write(alone, "all_particles.pvtu", "all_cells.pvtu") == written);
     std::size_t particles = 0, cells = 0;
     for (int rank = 0; rank < mpi->size(); ++rank) {
       const std::string end = "_" + std::to_string(rank) + ".vtu";
