@@ -57,7 +57,7 @@ while :; do
       echo "the checkpoint lists $(pieces_listed) pieces, and there are $(pieces_there)"
       exit 1
     }
-    if [ "$killed/checkpoint.talus" -nt "$folder/started" ]; then
+    if [ -n "$(find "$killed/checkpoint.talus" -newer "$folder/started")" ]; then
       worst=$(stat -c %.Y "$killed/checkpoint.talus" |
         awk -v moment="$moment" -v worst="$worst" '{ age = moment - $1; print (age > worst ? age : worst) }')
       echo "$worst" | awk -v most=$interval -v more=$allowed '{ exit !($1 <= most + more) }' || {
