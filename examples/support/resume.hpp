@@ -69,8 +69,8 @@ inline nlohmann::json read_summary(const fs::path& path) {
   return usable ? summary : nlohmann::json::object();
 }
 
-/// The checkpoint of a run in its folder, OUT/checkpoint.talus: there until the run is finished;
-/// that of a run that failed stays.
+/// The checkpoint of a run in its folder, OUT/checkpoint.talus, on ranks with a piece of each
+/// beside it: there until the run is finished; that of a run that failed stays.
 class Checkpoints {
  public:
   /// inputs: what makes a run what it is, besides its options and the version of talus; compared
@@ -85,7 +85,7 @@ class Checkpoints {
         std::to_string(TALUS_VERSION_MAJOR) + '.' + std::to_string(TALUS_VERSION_MINOR);
     const fs::path summary_file = out / "summary.json";
     if (options.overwrite) {
-      fs::remove(file_);
+      talus::remove_checkpoint(file_);
       fs::remove(summary_file);
     }
     if (fs::exists(file_)) {
@@ -122,7 +122,12 @@ class Checkpoints {
   std::optional<nlohmann::json> resume(Sim& sim) const {
     if (!options_.resume || !fs::exists(file_))
       return std::nullopt;
-    nlohmann::json notes = nlohmann::json::parse(talus::read_checkpoint(file_, sim));
+    std::string text;
+    if constexpr (requires { sim.read_checkpoint(file_); }) // on ranks
+      text = sim.read_checkpoint(file_);
+    else
+      text = talus::read_checkpoint(file_, sim);
+    nlohmann::json notes = nlohmann::json::parse(text);
     if (const std::string difference = input_difference(notes.at("inputs"), inputs_);
         !difference.empty())
       throw std::invalid_argument("--resume: the run in " + file_.parent_path().string() + " had " +
@@ -138,15 +143,18 @@ class Checkpoints {
 
   template <class Sim>
   void save(const Sim& sim, const nlohmann::json& program) {
-    const nlohmann::json notes = {{"inputs", inputs_}, {"program", program}};
-    talus::write_checkpoint(file_, sim, notes.dump());
+    const std::string notes = nlohmann::json{{"inputs", inputs_}, {"program", program}}.dump();
+    if constexpr (requires { sim.write_checkpoint(file_, notes); }) // on ranks
+      sim.write_checkpoint(file_, notes);
+    else
+      talus::write_checkpoint(file_, sim, notes);
     last_ = Clock::now();
   }
 
   /// The results are written. If the run failed, what it can go on from stays.
   void finish(const std::string& status) const {
     if (!status.starts_with("failed"))
-      fs::remove(file_);
+      talus::remove_checkpoint(file_);
   }
 
  private:

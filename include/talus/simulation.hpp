@@ -283,14 +283,21 @@ class Simulation {
   void restore(SimulationState<Dim, ParticleReal> state) {
     if (params_.ranks) {
       check_state(state, boundaries(Grid<Dim>(params_.grid, params_.faces.periodic())));
-      state = params_.ranks->part_of(std::move(state));
-      use_window();
-    } else {
-      check_state(state, boundaries());
-      for (BodyContact<Dim>& contact : state.body_contacts)
-        contact.place = place_of(grid_, node_order_, contact.node);
+      restore_part(params_.ranks->part_of(std::move(state)));
+      return;
     }
+    check_state(state, boundaries());
+    for (BodyContact<Dim>& contact : state.body_contacts)
+      contact.place = place_of(grid_, node_order_, contact.node);
     state_ = std::move(state);
+    stepped_ = torn_ = false;
+  }
+
+  /// The same for this rank's part of a state that params().ranks has just dealt, which is not
+  /// checked. Collective.
+  void restore_part(SimulationState<Dim, ParticleReal> part) {
+    use_window();
+    state_ = std::move(part);
     stepped_ = torn_ = false;
   }
 

@@ -5,23 +5,41 @@
 //     mpirun -n 3 talus_tests_distributed
 
 #define DOCTEST_CONFIG_IMPLEMENT
+#include "../support/files.hpp"
 #include "scenes.hpp"
 
+#include "talus/core/fingerprint.hpp"
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/vtk.hpp"
+#include "talus/io/vtk.hpp"
 
 #include <doctest/doctest.h>
+#include <sys/resource.h>
 
 #include <algorithm>
+#include <bit>
+#include <csignal>
+#include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
+#include <random>
+#include <set>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
 
 using namespace talus;
+using support::contains, support::content, support::message_of;
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -224,6 +242,389 @@ TEST_CASE("ranks: wrong input is refused on all of them") {
   refused([](auto& wrong) { wrong.particles.position[5][0] = 7; });
   refused([](auto& wrong) { wrong.particles.id[5] = wrong.particles.id[6]; });
   refused([](auto& wrong) { wrong.params.time_step = -1; });
+}
+
+namespace {
+
+/// A folder that all ranks of a communicator use, gone afterwards.
+class SharedFolder {
+ public:
+  SharedFolder() {
+    std::int64_t number = mpi->rank() == 0 ? std::random_device{}() : 0;
+    mpi->maximum(&number, 1);
+    path_ = fs::temp_directory_path() / ("talus_pieces_" + std::to_string(number));
+    if (mpi->rank() == 0)
+      fs::create_directories(path_);
+    wait();
+  }
+  ~SharedFolder() {
+    wait();
+    std::error_code ignored;
+    if (mpi->rank() == 0)
+      fs::remove_all(path_, ignored);
+  }
+  SharedFolder(const SharedFolder&) = delete;
+  SharedFolder& operator=(const SharedFolder&) = delete;
+
+  fs::path operator/(const char* name) const { return path_ / name; }
+  /// The names of the files in it.
+  std::set<std::string> files() const {
+    std::set<std::string> names;
+    for (const auto& entry : fs::directory_iterator(path_))
+      names.insert(entry.path().filename().string());
+    return names;
+  }
+  /// Until all ranks are here.
+  static void wait() {
+    std::int64_t nothing = 0;
+    mpi->maximum(&nothing, 1);
+  }
+
+ private:
+  fs::path path_;
+};
+
+/// While it is there, files of this process end after so many bytes, as on a disk that is full.
+class SmallDisk {
+ public:
+  explicit SmallDisk(bool here, rlim_t bytes = 100) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    ::getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    if (here)
+      ::setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~SmallDisk() {
+    ::setrlimit(RLIMIT_FSIZE, &before_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+
+ private:
+  void (*handler_)(int);
+  rlimit before_{};
+};
+
+/// A simulation on some of the ranks.
+template <class S>
+struct OnRanks {
+  OnRanks(scenes::Scene<S> scene, std::shared_ptr<const distributed::Mpi> some)
+      : talker(std::move(some)), team(std::make_shared<distributed::Ranks<S::dimension>>(talker)),
+        sim(with(scene.params, team), scene.particles) {}
+
+  void step(int steps) {
+    for (int n = 0; n < steps; ++n)
+      CHECK(sim.step().completed());
+  }
+  std::string checksum() const {
+    auto sum = static_cast<std::int64_t>(state_fingerprint(sim.particles()));
+    talker->sum(&sum, 1);
+    return checksum_text(static_cast<std::uint64_t>(sum));
+  }
+  void write(const fs::path& path, const std::string& notes = {}) const {
+    distributed::write_checkpoint(path, sim, *team, notes);
+  }
+  std::string read(const fs::path& path) { return distributed::read_checkpoint(path, sim, *team); }
+
+  static typename S::Params with(typename S::Params params,
+                                 std::shared_ptr<distributed::Ranks<S::dimension>> ranks) {
+    params.ranks = std::move(ranks);
+    return params;
+  }
+
+  std::shared_ptr<const distributed::Mpi> talker;
+  std::shared_ptr<distributed::Ranks<S::dimension>> team;
+  S sim;
+};
+
+/// Checks that a run goes on from a checkpoint with the bits that it has without one, on all ranks,
+/// on one alone, and on less than all.
+template <class S>
+void check_pieces(const scenes::Scene<S>& scene, int before) {
+  const SharedFolder folder;
+  const fs::path path = folder / "checkpoint.talus";
+  OnRanks<S> run(scene, mpi);
+  run.step(before);
+  run.write(path, "rank 0 knows");
+  if (!scene.params.bodies.empty()) {
+    CHECK(most_of_ranks(static_cast<std::int64_t>(run.sim.state().contacts.size())) > 0);
+    CHECK(run.sim.state().body_contacts.size() > 1);
+  }
+  const std::string there = run.checksum();
+  run.step(20);
+  const std::string later = run.checksum();
+
+  const auto goes_on = [&](const std::shared_ptr<const distributed::Mpi>& some) {
+    OnRanks<S> other(scene, some);
+    CHECK(other.read(path) == "rank 0 knows");
+    CHECK(other.checksum() == there);
+    CHECK(other.sim.steps() == static_cast<std::size_t>(before));
+    other.step(20);
+    CHECK(other.checksum() == later);
+    CHECK(other.sim.time() == run.sim.time());
+  };
+  goes_on(mpi);
+  goes_on(std::make_shared<distributed::Mpi>(MPI_COMM_SELF));
+  MPI_Comm some; // two halves, of which each reads all
+  MPI_Comm_split(MPI_COMM_WORLD, mpi->rank() % 2, 0, &some);
+  goes_on(std::make_shared<distributed::Mpi>(some));
+  MPI_Comm_free(&some);
+}
+
+/// Bodies on what slides on the bottom.
+template <int Dim>
+scenes::Scene<scenes::Sim<Dim>> contacts() {
+  auto scene = scenes::impact<Dim>();
+  scene.params.faces.lower[up_axis<Dim>] = {.kind = FaceKind::frictional, .friction = 0.3};
+  return scene;
+}
+
+} // namespace
+
+TEST_CASE("pieces: a run goes on from them on any ranks, 2-D") {
+  check_pieces(contacts<2>(), 60);
+}
+TEST_CASE("pieces: a run goes on from them on any ranks, 3-D") {
+  check_pieces(contacts<3>(), 40);
+}
+TEST_CASE("pieces: a periodic run goes on from them") {
+  check_pieces(scenes::chute<2>(), 20);
+}
+
+TEST_CASE("pieces: a checkpoint replaces the one before, and what was left of others") {
+  using S = scenes::Sim<2>;
+  const SharedFolder folder;
+  const fs::path path = folder / "checkpoint.talus";
+  OnRanks<S> run(scenes::impact<2>(), mpi);
+  run.write(path);
+  std::set<std::string> expected{"checkpoint.talus"};
+  for (int rank = 0; rank < mpi->size(); ++rank)
+    expected.insert("checkpoint.talus.1-" + std::to_string(rank));
+  SharedFolder::wait();
+  CHECK(folder.files() == expected);
+  SharedFolder::wait();
+  if (mpi->rank() == 0) {
+    std::ofstream(folder / "checkpoint.talus.4-9") << "of a rank that was killed";
+    std::ofstream(folder / "checkpoint.talus.5-0.tmp") << "as well";
+    std::ofstream(folder / "checkpoint.talus.mine-0") << "not ours";
+  }
+  SharedFolder::wait();
+  run.step(1);
+  run.write(path);
+  expected = {"checkpoint.talus", "checkpoint.talus.mine-0"};
+  for (int rank = 0; rank < mpi->size(); ++rank)
+    expected.insert("checkpoint.talus.6-" + std::to_string(rank));
+  SharedFolder::wait();
+  CHECK(folder.files() == expected);
+  SharedFolder::wait();
+  if (mpi->rank() == 0) {
+    CHECK(distributed::is_in_pieces(path));
+    S::Params params = run.sim.params();
+    params.ranks = nullptr;
+    S alone(params, {});
+    CHECK(contains(message_of<std::runtime_error>([&] { read_checkpoint(path, alone); }),
+                   "the pieces of a run on several ranks"));
+    remove_checkpoint(path);
+    CHECK(folder.files() == std::set<std::string>{"checkpoint.talus.mine-0"});
+  }
+  SharedFolder::wait();
+}
+
+TEST_CASE("pieces: what cannot be written is an error on all ranks, and leaves what was there") {
+  using S = scenes::Sim<2>;
+  const SharedFolder folder;
+  const fs::path path = folder / "checkpoint.talus";
+  OnRanks<S> run(scenes::impact<2>(), mpi);
+  run.write(path, "the first");
+  const std::set<std::string> files = folder.files();
+  const std::string there = run.checksum();
+  run.step(1);
+  const auto refused = [&](const std::string& notes, const std::string& reason) {
+    SharedFolder::wait();
+    const std::string message = message_of<std::runtime_error>([&] { run.write(path, notes); });
+    INFO(message);
+    CHECK(contains(message, reason));
+    SharedFolder::wait();
+    CHECK(folder.files() == files);
+    OnRanks<S> other(scenes::impact<2>(), mpi);
+    CHECK(other.read(path) == "the first");
+    CHECK(other.checksum() == there);
+  };
+  const int last = mpi->size() - 1;
+  const std::string piece = path.string() + ".2-" + std::to_string(last);
+  {
+    const SmallDisk disk(mpi->rank() == last);
+    refused({}, "cannot write " + piece + ": File too large");
+  }
+  {
+    const SmallDisk disk(mpi->rank() == 0, 1000000);
+    refused(std::string(1000000, 'x'), "cannot write " + path.string() + ": File too large");
+  }
+  refused(std::string((std::size_t{1} << 20U) + 1, 'x'), "notes");
+}
+
+TEST_CASE("pieces: what is no whole checkpoint of this simulation is refused on all ranks") {
+  using S = scenes::Sim<2>;
+  const SharedFolder folder;
+  const fs::path path = folder / "checkpoint.talus";
+  OnRanks<S> run(scenes::impact<2>(), mpi);
+  run.write(path);
+  const fs::path piece = path.string() + ".2-" + std::to_string(mpi->size() - 1);
+  SharedFolder::wait();
+  const std::string earlier = content(path.string() + ".1-" + std::to_string(mpi->size() - 1));
+  run.step(20);
+  run.write(path);
+  SharedFolder::wait();
+  const std::string list = content(path), last = content(piece);
+
+  scenes::Scene<S> scene = scenes::impact<2>();
+  OnRanks<S> other(scene, mpi), undisturbed(scene, mpi);
+  const auto refuse = [&](OnRanks<S>& by, const std::string& reason) {
+    SharedFolder::wait();
+    const std::string message = message_of<std::runtime_error>([&] { by.read(path); });
+    INFO(message);
+    CHECK(contains(message, reason));
+    SharedFolder::wait();
+  };
+  const auto refused = [&](const fs::path& file, const std::string& instead,
+                           const std::string& reason) {
+    SharedFolder::wait();
+    const std::string right = file == path ? list : last;
+    if (mpi->rank() == 0) {
+      if (instead.empty())
+        fs::remove(file);
+      else
+        std::ofstream(file, std::ios::binary) << instead;
+    }
+    refuse(other, reason);
+    if (mpi->rank() == 0)
+      std::ofstream(file, std::ios::binary) << right;
+  };
+  const auto damaged = [](std::string bytes, std::size_t at) {
+    bytes[at] = static_cast<char>(bytes[at] ^ 1);
+    return bytes;
+  };
+  const std::string name = piece.string();
+  refused(piece, {}, "cannot read " + name + ": No such file");
+  refused(piece, damaged(last, last.size() / 2), name + ": its checksum does not fit");
+  refused(piece, damaged(last, last.size() - 1), name + ": its checksum does not fit");
+  refused(piece, last.substr(0, last.size() / 2), name + ": its checksum does not fit");
+  refused(piece, earlier, name + ": it is a piece of another checkpoint");
+  refused(piece, list, name + ": it is no checkpoint");
+  refused(path, {}, "cannot read " + path.string() + ": No such file");
+  refused(path, damaged(list, list.size() / 2), path.string() + ": its checksum does not fit");
+  refused(path, last, path.string() + ": it is no checkpoint");
+
+  if (mpi->rank() == mpi->size() - 1) // on one rank alone
+    scene.params.bodies[0].friction += 0.1;
+  OnRanks<S> another(scene, mpi);
+  refuse(another, "its bodies.0.friction is 0.3, this simulation's is 0.4");
+
+  CHECK(other.checksum() == undisturbed.checksum());
+  other.step(5);
+  undisturbed.step(5);
+  CHECK(other.checksum() == undisturbed.checksum());
+  other.read(path);
+  CHECK(other.checksum() == run.checksum());
+  CHECK_THROWS_AS(distributed::read_checkpoint(path, other.sim, *run.team), std::invalid_argument);
+}
+
+TEST_CASE("pieces: particles with one id on two ranks are refused on all") {
+  using S = scenes::Sim<2>;
+  OnRanks<S> run(scenes::sliding_block<2>(), mpi);
+  distributed::StateShare<2> share;
+  share.state = run.sim.state();
+  share.state.particles.resize(1);
+  share.state.particles.id[0] = 7;
+  share.state.stress_impulse.clear();
+  if (mpi->size() > 1)
+    CHECK_THROWS_AS(run.team->part_of_shares(share), std::invalid_argument);
+  run.step(1);
+  CHECK(run.sim.steps() == 1);
+}
+
+namespace {
+
+/// The numbers that follow `key=` in a file, in order.
+std::vector<std::size_t> counts(const fs::path& path, const std::string& key) {
+  std::vector<std::size_t> found;
+  const std::string text = content(path), begin = key + "=\"";
+  for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1))
+    found.push_back(std::stoul(text.substr(at + begin.size())));
+  return found;
+}
+
+/// Σ over the particles of the ranks of a fingerprint of the id and the field's numbers.
+template <class S>
+std::int64_t fingerprint(const OnRanks<S>& run, const VtkField& field) {
+  std::uint64_t sum = 0;
+  const auto components = static_cast<std::size_t>(field.components);
+  for (std::size_t p = 0; p < run.sim.particles().size(); ++p) {
+    Fingerprint one;
+    one.add(std::uint64_t{run.sim.particles().id[p]});
+    for (std::size_t k = 0; k < components; ++k)
+      one.add(std::bit_cast<std::uint64_t>(field.values.at(components * p + k)));
+    sum += one.value();
+  }
+  auto of_all = static_cast<std::int64_t>(sum);
+  run.talker->sum(&of_all, 1);
+  return of_all;
+}
+
+/// Files of all ranks beside those of one.
+template <class S>
+void check_vtk(const scenes::Scene<S>& scene) {
+  constexpr int dim = S::dimension;
+  const SharedFolder folder;
+  OnRanks<S> run(scene, mpi), alone(scene, std::make_shared<distributed::Mpi>(MPI_COMM_SELF));
+  run.step(10);
+  alone.step(10);
+  const auto write = [&](const OnRanks<S>& by, const char* particles, const char* cells) {
+    const auto stress = [&](const Index<dim>& node) { return by.sim.stress(node); };
+    const auto fraction = [&](const Index<dim>& node) { return by.sim.volume_fraction(node); };
+    const distributed::ParallelVtk vtk(by.sim);
+    const VtkField at_particles = vtk.particle_field("stress", stress);
+    vtk.write_particles(folder / particles, {vtk_field("id", by.sim.particles().id), at_particles});
+    vtk.write_cells(folder / cells,
+                    {vtk.node_field("stress", stress), vtk.node_field("fraction", fraction)});
+    return fingerprint(by, at_particles);
+  };
+  const std::int64_t written = write(run, "particles.pvtu", "cells.pvtu");
+  SharedFolder::wait();
+  if (mpi->rank() == 0) {
+    CHECK(write(alone, "all_particles.pvtu", "all_cells.pvtu") == written);
+    std::size_t particles = 0, cells = 0;
+    for (int rank = 0; rank < mpi->size(); ++rank) {
+      const std::string end = "_" + std::to_string(rank) + ".vtu";
+      particles += counts(folder / ("particles" + end).c_str(), "NumberOfPoints").at(0);
+      cells += counts(folder / ("cells" + end).c_str(), "NumberOfCells").at(0);
+      CHECK(contains(content(folder / "cells.pvtu"), "<Piece Source=\"cells" + end + "\"/>"));
+      CHECK(contains(content(folder / "particles.pvtu"), "\"particles" + end + "\""));
+    }
+    CHECK(particles == alone.sim.particles().size());
+    CHECK(cells == counts(folder / "all_cells_0.vtu", "NumberOfCells").at(0));
+    CHECK(cells > 0);
+    CHECK(counts(folder / "cells.pvtu", "NumberOfComponents") == std::vector<std::size_t>{9, 1, 3});
+    if (const char* const kept = std::getenv("TALUS_VTK_SAMPLES")) { // for tests/tools/check_vtk.py
+      const fs::path samples = fs::path(kept) / (std::to_string(dim) + "d");
+      fs::create_directories(samples);
+      for (const std::string& name : folder.files())
+        fs::copy_file(folder / name.c_str(), samples / name, fs::copy_options::overwrite_existing);
+    }
+    fs::create_directories(folder / "cells.pvtu.tmp"); // in the way
+  }
+  SharedFolder::wait();
+  CHECK(
+      contains(message_of<std::runtime_error>([&] { write(run, "particles.pvtu", "cells.pvtu"); }),
+               "cells.pvtu"));
+}
+
+} // namespace
+
+TEST_CASE("parallel VTK: each particle and each cell with material in one piece") {
+  check_vtk(contacts<2>());
+  check_vtk(contacts<3>());
+  check_vtk(scenes::chute<2>());
 }
 
 int main(int argc, char** argv) {

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: MIT
 """Reads VTK files with VTK's own readers and checks their values.
 
-    check_vtk.py [--meshio] FILE.vtu|FILE.vtp|FILE.vti|FILE.pvd|FOLDER ...
+    check_vtk.py [--meshio] FILE.vtu|FILE.pvtu|FILE.vtp|FILE.vti|FILE.pvd|FOLDER ...
 
 A table with the file's name and the ending .csv holds what must be read: columns x, y, z and one
 for each number of each field (NAME, or NAME_0, NAME_1, ...), one row a point. All must be equal to
@@ -30,7 +30,8 @@ def read(path):
     """The points (#, 3) and the fields {name: (#, components)} of a file, and its cells, each a tuple
     of its points (none of an image)."""
     reader = {".vtp": vtk.vtkXMLPolyDataReader, ".vti": vtk.vtkXMLImageDataReader,
-              ".vtu": vtk.vtkXMLUnstructuredGridReader}[path.suffix]()
+              ".vtu": vtk.vtkXMLUnstructuredGridReader,
+              ".pvtu": vtk.vtkXMLPUnstructuredGridReader}[path.suffix]()
     complaints = []
     for event in ("ErrorEvent", "WarningEvent"):
         reader.AddObserver(event, lambda *_: complaints.append(event))
@@ -53,7 +54,7 @@ def read(path):
             raise ValueError(f"{array.GetName()}: {array.GetNumberOfTuples()} values for {count} points")
         fields[array.GetName()] = vtk_to_numpy(array).reshape(count, array.GetNumberOfComponents())
     cells = []
-    if path.suffix == ".vtu":
+    if path.suffix in (".vtu", ".pvtu"):
         for c in range(data.GetNumberOfCells()):
             ids = data.GetCell(c).GetPointIds()
             cells.append(tuple(ids.GetId(i) for i in range(ids.GetNumberOfIds())))

@@ -45,6 +45,21 @@ struct Dealing {
   }
 };
 
+/// A share of a state: nodes are those of a list. stress_impulse has one for each of `nodes`, and
+/// contacts the numbers of theirs in it; corners of bodies keep numbers below 0.
+template <int Dim, class Real = double>
+struct StateShare {
+  SimulationState<Dim, Real> state;
+  Array<Index<Dim>> nodes; ///< of the whole grid
+
+  /// Adds a node without stress and returns its number.
+  int add_node(const Index<Dim>& node) {
+    nodes.push_back(node);
+    state.stress_impulse.push_back(Vec<symmetric_size<Dim>>::Zero());
+    return static_cast<int>(nodes.size()) - 1;
+  }
+};
+
 /// The ranks of one simulation, on any Communicator.
 template <int Dim, class Real = double>
 class Ranks final : public talus::Ranks<Dim, Real> {
@@ -132,6 +147,40 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     return whole;
   }
 
+  /// Deals a state of which each rank has a share, and returns this rank's part. Particles,
+  /// stresses and contacts are in one share alone, all else is the same in all of them; it is taken
+  /// to fit the grid. Throws std::invalid_argument, and deals nothing, if two particles of all
+  /// shares have the same id. Collective.
+  SimulationState<Dim, Real> part_of_shares(StateShare<Dim, Real> share) {
+    SimulationState<Dim, Real>& state = share.state;
+    check_all_ids(state.particles);
+    cut(load(state.particles));
+    migrate(state.particles);
+    ToOwners out;
+    for (std::size_t n = 0; n < share.nodes.size(); ++n)
+      put_stress(share.nodes[n], state.stress_impulse[n], out);
+    for (const Contact<Dim>& contact : state.contacts)
+      put_contact(share.nodes[contact.node], contact, out);
+    deliver_nodes(out, state);
+    const Grid<Dim> grid = window();
+    const BlockOrder<Dim> order(grid);
+    for (BodyContact<Dim>& contact : state.body_contacts)
+      contact.place = contact.node < 0 ? place_of(grid, order, contact.node)
+                                       : order.place(share.nodes[contact.node]);
+    looked_at_ = state.steps;
+    return std::move(state);
+  }
+
+  /// Calls visit(index, λ) for all nodes of this rank where λ is not zero. grid: its window.
+  template <class Visit>
+  static void for_each_stress(const SimulationState<Dim, Real>& state, const Grid<Dim>& grid,
+                              const Visit& visit) {
+    const BlockOrder<Dim> order(grid);
+    for (const int node : order.nodes())
+      if (!state.stress_impulse[node].isZero(0))
+        visit(grid.node_index(node), state.stress_impulse[node]);
+  }
+
   /// All particles on rank 0, sorted by their ids; on the others none. Collective.
   Particles<Dim, Real> gather_particles(const Particles<Dim, Real>& part) const {
     Array<Message> out(1);
@@ -147,12 +196,10 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     const Grid<Dim> grid = window();
     Particles<Dim, Real> particles = gather_particles(part.particles);
     Array<Message> out(1);
-    const BlockOrder<Dim> own_order(grid);
-    for (const int node : own_order.nodes())
-      if (!part.stress_impulse[node].isZero(0)) {
-        put(out[0].bytes, grid.node_index(node));
-        put(out[0].bytes, part.stress_impulse[node]);
-      }
+    for_each_stress(part, grid, [&](const Index<Dim>& index, const auto& stress) {
+      put(out[0].bytes, index);
+      put(out[0].bytes, stress);
+    });
     const Array<Message> stresses = communicator_->deliver(out);
     out[0].bytes.clear();
     for (const Contact<Dim>& contact : part.contacts) {
@@ -483,52 +530,65 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     });
   }
 
-  /// Gives stresses and contacts of the nodes of the window before to their new owners.
-  void hand_over(SimulationState<Dim, Real>& state, const Grid<Dim>& old_grid) const {
+  /// Stresses and contacts on their way to the owners of their nodes.
+  struct ToOwners {
+    std::map<int, Message> stresses, contacts; ///< by rank
+  };
+
+  Array<char>& bytes_to_owner(std::map<int, Message>& messages, const Index<Dim>& index) const {
+    const int owner = partition_.owner(index, rank());
+    messages[owner].rank = owner;
+    return messages[owner].bytes;
+  }
+  void put_stress(const Index<Dim>& index, const Vec<symmetric_size<Dim>>& stress,
+                  ToOwners& out) const {
+    if (stress.isZero(0))
+      return;
+    Array<char>& bytes = bytes_to_owner(out.stresses, index);
+    put(bytes, index);
+    put(bytes, stress);
+  }
+  void put_contact(const Index<Dim>& index, const Contact<Dim>& contact, ToOwners& out) const {
+    Array<char>& bytes = bytes_to_owner(out.contacts, index);
+    put(bytes, index);
+    put(bytes, contact);
+  }
+
+  /// Replaces the nodes of a state by what all ranks have put out for this one.
+  void deliver_nodes(ToOwners& out, SimulationState<Dim, Real>& state) const {
     const Grid<Dim> grid = window();
-    const BlockOrder<Dim> order(grid);
-    std::map<int, Message> stresses, contacts;
-    const auto message_to = [&](std::map<int, Message>& messages,
-                                const Index<Dim>& index) -> Array<char>& {
-      const int owner = partition_.owner(index, rank());
-      messages[owner].rank = owner;
-      return messages[owner].bytes;
-    };
-    const BlockOrder<Dim> old_order(old_grid);
-    for (const int node : old_order.nodes())
-      if (!state.stress_impulse[node].isZero(0)) {
-        const Index<Dim> index = old_grid.node_index(node);
-        Array<char>& bytes = message_to(stresses, index);
-        put(bytes, index);
-        put(bytes, state.stress_impulse[node]);
-      }
-    for (const Contact<Dim>& contact : state.contacts) {
-      const Index<Dim> index = old_grid.node_index(contact.node);
-      Array<char>& bytes = message_to(contacts, index);
-      put(bytes, index);
-      put(bytes, contact);
-    }
     const auto deliver = [&](std::map<int, Message>& messages) {
-      Array<Message> out;
+      Array<Message> ready;
       for (auto& [to, message] : messages)
-        out.push_back(std::move(message));
-      return communicator_->deliver(out);
+        ready.push_back(std::move(message));
+      return communicator_->deliver(ready);
     };
     state.stress_impulse.assign(static_cast<std::size_t>(grid.node_count()),
                                 Vec<symmetric_size<Dim>>::Zero());
-    for (const Message& message : deliver(stresses))
+    for (const Message& message : deliver(out.stresses))
       for (Taker taker(message.bytes); !taker.at_end();) {
         const int node = grid.node(taker.template take<Index<Dim>>());
         taker.take(state.stress_impulse[node]);
       }
     state.contacts.clear();
-    for (const Message& message : deliver(contacts))
+    for (const Message& message : deliver(out.contacts))
       for (Taker taker(message.bytes); !taker.at_end();) {
         const int node = grid.node(taker.template take<Index<Dim>>());
         state.contacts.push_back(taker.template take<Contact<Dim>>());
         state.contacts.back().node = node;
       }
-    sort(order, grid, state.contacts);
+    sort(BlockOrder<Dim>(grid), grid, state.contacts);
+  }
+
+  /// Gives stresses and contacts of the nodes of the window before to their new owners.
+  void hand_over(SimulationState<Dim, Real>& state, const Grid<Dim>& old_grid) const {
+    ToOwners out;
+    for_each_stress(state, old_grid, [&](const Index<Dim>& index, const auto& stress) {
+      put_stress(index, stress, out);
+    });
+    for (const Contact<Dim>& contact : state.contacts)
+      put_contact(old_grid.node_index(contact.node), contact, out);
+    deliver_nodes(out, state);
   }
 
   std::shared_ptr<const Communicator> communicator_;

@@ -8,9 +8,12 @@
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/strain_rate.hpp"
 #include "talus/distributed/bytes_of.hpp"
+#include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/together.hpp"
 #include "talus/dual/colouring.hpp"
+#include "talus/io/checkpoint.hpp"
 #include "talus/step/report.hpp"
 #include "talus/step/state.hpp"
 
@@ -21,10 +24,13 @@
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <string>
+#include <string_view>
 #include <utility>
 
 namespace talus::distributed {
@@ -86,9 +92,9 @@ class Shared {
   void set_gravity(const Vec<dimension>& gravity) {
     check_gravity("gravity", gravity);
     command(Command::gravity);
-    Message message;
-    put(message.bytes, gravity);
-    broadcast(std::move(message.bytes));
+    Array<char> bytes;
+    put(bytes, gravity);
+    broadcast(*mpi_, std::move(bytes));
     part_->set_gravity(gravity);
   }
 
@@ -132,10 +138,29 @@ class Shared {
     command(Command::restore);
     Array<char> bytes;
     ranks_->put_state(state, bytes);
-    broadcast(std::move(bytes));
+    broadcast(*mpi_, std::move(bytes));
     part_->restore(std::move(state)); // throws on all ranks or on none
     particles_.reset();
     fields_.reset();
+  }
+
+  /// Saves the state in pieces, or goes on from them, without gathering: see
+  /// distributed::write_checkpoint and read_checkpoint. Here a checkpoint of a program for one
+  /// process is read, too.
+  void write_checkpoint(const std::filesystem::path& path, std::string_view notes = {}) const {
+    command(Command::write);
+    static_cast<void>(broadcast(*mpi_, path.string()));
+    distributed::write_checkpoint(path, *part_, *ranks_, notes);
+  }
+  std::string read_checkpoint(const std::filesystem::path& path) {
+    if (!is_in_pieces(path))
+      return talus::read_checkpoint(path, *this);
+    command(Command::read);
+    static_cast<void>(broadcast(*mpi_, path.string()));
+    std::string notes = distributed::read_checkpoint(path, *part_, *ranks_);
+    particles_.reset();
+    fields_.reset();
+    return notes;
   }
 
   /// Largest |v_p|, m/s, and how high the highest particle is, m, without gathering them.
@@ -166,6 +191,8 @@ class Shared {
     fields,
     state,
     restore,
+    write,
+    read,
     largest_speed,
     highest_particle,
     fingerprint
@@ -190,19 +217,6 @@ class Shared {
     return static_cast<Command>(code);
   }
 
-  /// Rank 0 gives, and all others get, the same bytes.
-  Array<char> broadcast(Array<char> bytes = {}) const {
-    Array<Message> out;
-    if (mpi_->rank() == 0)
-      for (int to = 1; to < mpi_->size(); ++to) {
-        out.emplace_back();
-        out.back().rank = to;
-        out.back().bytes = bytes;
-      }
-    Array<Message> in = mpi_->deliver(out);
-    return in.empty() ? Array<char>() : std::move(in[0].bytes);
-  }
-
   void serve() {
     for (Command what = next_command(); what != Command::end; what = next_command()) {
       switch (what) {
@@ -210,7 +224,7 @@ class Shared {
         static_cast<void>(try_step([](const auto&) {}));
         break;
       case Command::gravity: {
-        const Array<char> bytes = broadcast();
+        const Array<char> bytes = broadcast(*mpi_);
         part_->set_gravity(Taker(bytes).template take<Vec<dimension>>());
         break;
       }
@@ -224,10 +238,22 @@ class Shared {
         static_cast<void>(ranks_->gather(part_->state()));
         break;
       case Command::restore: {
-        const Array<char> bytes = broadcast();
+        const Array<char> bytes = broadcast(*mpi_);
         try {
           part_->restore(ranks_->take_state(bytes));
         } catch (const std::invalid_argument&) { // NOLINT: rank 0 has thrown the same
+        }
+        break;
+      }
+      case Command::write:
+      case Command::read: {
+        const std::string path = broadcast(*mpi_, std::string());
+        try {
+          if (what == Command::write)
+            distributed::write_checkpoint(path, *part_, *ranks_);
+          else
+            static_cast<void>(distributed::read_checkpoint(path, *part_, *ranks_));
+        } catch (const std::runtime_error&) { // NOLINT: rank 0 has thrown the same
         }
         break;
       }

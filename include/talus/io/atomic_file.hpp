@@ -12,6 +12,7 @@
 #include <utility>
 
 #if __has_include(<unistd.h>)
+#include <fcntl.h>
 #include <unistd.h>
 #define TALUS_HAS_FSYNC
 #endif
@@ -43,7 +44,7 @@ class AtomicFile {
   void write(std::string_view text) { write(text.data(), text.size()); }
 
   /// Durable: on the disk before it gets its name, so that not even a loss of power leaves a file
-  /// that is named but incomplete.
+  /// that is named but incomplete; and the name, too, where the file system can do that.
   enum class Durable { no, yes };
 
   void commit(Durable durable = Durable::no) {
@@ -62,9 +63,21 @@ class AtomicFile {
     if (error)
       fail(error.value());
     temporary_.clear();
+    if (durable == Durable::yes)
+      keep_name();
   }
 
  private:
+  void keep_name() const noexcept {
+#ifdef TALUS_HAS_FSYNC
+    const std::filesystem::path folder = path_.has_parent_path() ? path_.parent_path() : ".";
+    if (const int opened = ::open(folder.c_str(), O_RDONLY); opened >= 0) {
+      ::fsync(opened); // some file systems refuse
+      ::close(opened);
+    }
+#endif
+  }
+
   [[noreturn]] void fail(int error) {
     give_up();
     throw std::runtime_error("cannot write " + path_.string() + ": " +

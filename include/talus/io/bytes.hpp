@@ -21,6 +21,7 @@
 #include <string_view>
 #include <system_error>
 #include <type_traits>
+#include <utility>
 
 /// \file
 /// What binary files of the library are made of: a header of text lines, little-endian numbers, and
@@ -92,13 +93,15 @@ inline std::string read_bytes(const std::filesystem::path& path) {
 /// file.
 class ByteReader {
  public:
-  explicit ByteReader(const std::filesystem::path& path)
-      : path_(path), bytes_(read_bytes(path)), rest_(bytes_) {}
+  explicit ByteReader(const std::filesystem::path& path) : ByteReader(path, read_bytes(path)) {}
+  /// bytes: what is in the file.
+  ByteReader(std::filesystem::path path, std::string bytes)
+      : path_(std::move(path)), bytes_(std::move(bytes)), rest_(bytes_) {}
 
   [[noreturn]] void fail(const std::string& reason) const { cannot_read(path_, reason); }
 
-  /// Takes the fingerprint off the end and compares it.
-  void check_fingerprint() {
+  /// Takes the fingerprint off the end, compares and returns it.
+  std::uint64_t check_fingerprint() {
     if (rest_.size() < sizeof(std::uint64_t))
       fail("it is truncated");
     std::uint64_t stored;
@@ -109,6 +112,7 @@ class ByteReader {
     fingerprint.add(std::string_view(bytes_).substr(0, bytes_.size() - sizeof stored));
     if (fingerprint.value() != stored)
       fail("its checksum does not fit: it is damaged or truncated");
+    return stored;
   }
 
   /// The rest of the header line that must begin with `key`.

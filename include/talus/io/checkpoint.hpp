@@ -1,19 +1,28 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
+#include "talus/core/error.hpp"
+#include "talus/core/fingerprint.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
+#include "talus/io/number.hpp"
 #include "talus/io/scene_sketch.hpp"
+#include "talus/particles.hpp"
 #include "talus/simulation.hpp"
+#include "talus/step/state.hpp"
 #include "talus/version.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -27,6 +36,8 @@ namespace detail {
 
 inline constexpr std::string_view checkpoint_kind = "talus-checkpoint ";
 inline constexpr std::string_view checkpoint_format = "talus-checkpoint 4";
+/// Of a list of the pieces that ranks have written, see distributed/checkpoint.hpp.
+inline constexpr std::string_view pieces_kind = "talus-pieces ";
 
 /// "0.1" of "0.1.2": patches read the files of each other.
 inline std::string_view minor_version(std::string_view version) {
@@ -88,117 +99,49 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   return lines;
 }
 
-} // namespace detail
-
-/// Saves the state of `sim`. `notes`: whatever the program wants to find again, at most 2^20 bytes.
-/// The file gets its name when it is complete and on the disk: an earlier one is good until then.
-/// Throws std::runtime_error if it cannot be written, std::invalid_argument for longer notes.
+/// What the files of all checkpoints begin with after the line of their format: version,
+/// configuration, and the numbers of the state that belong to no particle or node.
+/// mixed: do the particles have mixed derivatives?
 template <class Sim>
-void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
-                      std::string_view notes = {}) {
-  constexpr int dim = Sim::dimension;
-  if (notes.size() > (std::size_t{1} << 20U))
-    throw_invalid("the length of a checkpoint's notes", notes.size(), "at most 2^20 bytes");
+void put_configuration(ByteWriter& out, const Sim& sim, bool mixed) {
   const auto& state = sim.state();
-  AtomicFile file(path);
-  Fingerprint fingerprint;
-  detail::ByteWriter out;
-  const auto flush = [&] { // in pieces: the state may be most of the memory
-    fingerprint.add(out.bytes());
-    file.write(out.bytes());
-    out = {};
-  };
-  out.text(std::string(detail::checkpoint_format) + "\nversion " + TALUS_VERSION + "\n");
+  out.text(std::string("version ") + TALUS_VERSION + "\n");
   out.line("bytes of a particle's numbers", sizeof(typename Sim::ParticleData::Scalar));
-  for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
+  for (const auto& [name, value] : checkpoint_configuration(sim.params()))
     out.text(name + " " + value + "\n");
   out.line("state", state.time, state.steps, state.time_step);
-  out.line("mixed derivatives", state.particles.mixed.empty() ? 0 : 1);
+  out.line("mixed derivatives", mixed ? 1 : 0);
   for (std::size_t o = 0; o < sim.params().obstacles.size(); ++o) {
-    const auto sketch = detail::sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time,
-                                                sim.params().time_step);
+    const auto sketch =
+        sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time, sim.params().time_step);
     out.line("obstacle." + std::to_string(o), sketch.held, sketch.friction.sum, sketch.normal.sum,
              sketch.velocity.sum, sketch.open_fraction.sum);
   }
   for (std::size_t b = 0; b < sim.params().bodies.size(); ++b)
     out.line("bodies." + std::to_string(b) + ".shape",
-             detail::sketch_shape(sim.params().bodies[b].shape, sim.grid().size().norm()).sum);
+             sketch_shape(sim.params().bodies[b].shape, sim.grid().size().norm()).sum);
   out.line("next_id", state.particles.next_id);
-  out.line("counts", state.particles.size(), state.stress_impulse.size(), state.contacts.size(),
-           state.body_contacts.size(), notes.size());
-  out.text(notes);
-  out.raw(state.gravity);
-  flush();
-  for (std::size_t p = 0; p < state.particles.size(); ++p) {
-    out.raw(std::uint64_t{state.particles.id[p]});
-    out.raw(state.particles.volume[p]);
-    out.raw(state.particles.position[p]);
-    out.raw(state.particles.velocity[p]);
-    out.raw(state.particles.affine[p]);
-    if (!state.particles.mixed.empty())
-      out.raw(state.particles.mixed[p]);
-    if (out.bytes().size() > (std::size_t{1} << 20U))
-      flush();
-  }
-  for (const auto& stress : state.stress_impulse)
-    out.raw(stress);
-  for (const Contact<dim>& contact : state.contacts) {
-    out.raw(contact.node);
-    out.raw(contact.boundary_id);
-    out.raw(contact.impulse);
-  }
-  for (const RigidState<dim>& body : state.bodies) {
-    out.raw(body.position);
-    out.raw(body.rotation);
-    out.raw(body.velocity);
-    out.raw(body.angular_velocity);
-  }
-  for (const BodyContact<dim>& contact : state.body_contacts) {
-    out.raw(contact.node);
-    out.raw(contact.boundary_id);
-    out.raw(contact.body);
-    out.raw(contact.impulse);
-  }
-  flush();
-  out.raw(fingerprint.value());
-  file.write(out.bytes());
-  file.commit(AtomicFile::Durable::yes);
 }
 
-/// Puts the state that `path` holds into `sim` and returns the notes. `sim` is one that was made
-/// with the same parameters (threads, friction law, transfer and solver may differ); its particles
-/// are replaced. After that it goes on like the run that wrote the file, to the last bit. Obstacles
-/// and shapes are compared by what they do at random places and times, the later ones up to 57 000
-/// time steps after the file's.
-/// Throws std::runtime_error, and leaves `sim` as it was, if the file cannot be read, is damaged,
-/// or belongs to another minor version or configuration; the message names the difference.
+/// Reads it, and refuses what is of another configuration than `sim`. Returns whether particles
+/// have mixed derivatives.
 template <class Sim>
-std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
-  constexpr int dim = Sim::dimension;
-  detail::ByteReader in(path);
-  if (!in.starts_with(detail::checkpoint_kind))
-    in.fail("it is no checkpoint");
-  if (!in.starts_with(detail::checkpoint_format))
-    in.fail("it has the format of another version of talus");
-  in.check_fingerprint();
-  in.line(detail::checkpoint_format);
+bool take_configuration(
+    ByteReader& in, const Sim& sim,
+    SimulationState<Sim::dimension, typename Sim::ParticleData::Scalar>& state) {
   const auto compare = [&](const std::string& name, const std::string& ours) {
     const std::string_view theirs = in.line(name + " ");
     if (theirs != ours)
       in.fail("its " + name + " is " + std::string(theirs) + ", this simulation's is " + ours);
   };
   if (const std::string_view theirs = in.line("version ");
-      detail::minor_version(theirs) != detail::minor_version(TALUS_VERSION))
+      minor_version(theirs) != minor_version(TALUS_VERSION))
     in.fail("its version is " + std::string(theirs) + ", this one's is " TALUS_VERSION);
   compare("bytes of a particle's numbers",
           std::to_string(sizeof(typename Sim::ParticleData::Scalar)));
-  for (const auto& [name, value] : detail::checkpoint_configuration(sim.params()))
+  for (const auto& [name, value] : checkpoint_configuration(sim.params()))
     compare(name, value);
-
-  using Real = typename Sim::ParticleData::Scalar;
-  SimulationState<dim, Real> state;
   int mixed = 0;
-  std::size_t particles = 0, nodes = 0, contacts = 0, body_contacts = 0, length = 0;
   in.line("state", state.time, state.steps, state.time_step);
   in.line("mixed derivatives", mixed);
   for (std::size_t o = 0; o < sim.params().obstacles.size(); ++o) {
@@ -206,8 +149,8 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     std::size_t held = 0;
     double friction = 0, normal = 0, velocity = 0, open_fraction = 0;
     in.line(name, held, friction, normal, velocity, open_fraction);
-    const auto ours = detail::sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time,
-                                              sim.params().time_step);
+    const auto ours =
+        sketch_obstacle(*sim.params().obstacles[o], sim.grid(), state.time, sim.params().time_step);
     const char* differs = held != ours.held                         ? "shape or motion"
                           : !ours.friction.same(friction)           ? "friction"
                           : !ours.normal.same(normal)               ? "normals"
@@ -221,31 +164,227 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     const std::string name = "bodies." + std::to_string(b) + ".shape";
     double shape = 0;
     in.line(name, shape);
-    if (!detail::sketch_shape(sim.params().bodies[b].shape, sim.grid().size().norm()).same(shape))
+    if (!sketch_shape(sim.params().bodies[b].shape, sim.grid().size().norm()).same(shape))
       in.fail("its " + name + " is another than this simulation's");
   }
-  std::size_t next_id = 0;
-  in.line("next_id", next_id);
+  in.line("next_id", state.particles.next_id);
+  return mixed == 1;
+}
+
+inline void check_notes(std::string_view notes) {
+  if (notes.size() > (std::size_t{1} << 20U))
+    throw_invalid("the length of a checkpoint's notes", notes.size(), "at most 2^20 bytes");
+}
+
+/// Goes to the line after that of the format, if the bytes are whole and of this format, and
+/// returns their fingerprint. kind: what the format begins with in all versions.
+inline std::uint64_t take_format(ByteReader& in, std::string_view kind, std::string_view format) {
+  if (!in.starts_with(kind))
+    in.fail("it is no checkpoint");
+  if (!in.starts_with(format))
+    in.fail("it has the format of another version of talus");
+  const std::uint64_t fingerprint = in.check_fingerprint();
+  in.line(format);
+  return fingerprint;
+}
+
+/// A file that is written bit by bit, for the state may be most of the memory, with the fingerprint
+/// of all bytes at the end.
+class SealedFile {
+ public:
+  explicit SealedFile(const std::filesystem::path& path) : file_(path) {}
+
+  ByteWriter out;
+
+  /// To be called now and then.
+  void flush_some() {
+    if (out.bytes().size() > (std::size_t{1} << 20U))
+      flush();
+  }
+  /// Returns the fingerprint.
+  std::uint64_t commit() {
+    flush();
+    const std::uint64_t value = fingerprint_.value();
+    out.raw(value);
+    file_.write(out.bytes());
+    file_.commit(AtomicFile::Durable::yes);
+    return value;
+  }
+
+ private:
+  void flush() {
+    fingerprint_.add(out.bytes());
+    file_.write(out.bytes());
+    out = {};
+  }
+
+  AtomicFile file_;
+  Fingerprint fingerprint_;
+};
+
+template <int Dim, class Real>
+void put_particles(SealedFile& file, const Particles<Dim, Real>& particles) {
+  ByteWriter& out = file.out;
+  for (std::size_t p = 0; p < particles.size(); ++p) {
+    out.raw(std::uint64_t{particles.id[p]});
+    out.raw(particles.volume[p]);
+    out.raw(particles.position[p]);
+    out.raw(particles.velocity[p]);
+    out.raw(particles.affine[p]);
+    if (!particles.mixed.empty())
+      out.raw(particles.mixed[p]);
+    file.flush_some();
+  }
+}
+
+/// Adds `count` particles to those that are there; next_id stays.
+template <int Dim, class Real>
+void take_particles(ByteReader& in, std::size_t count, bool mixed,
+                    Particles<Dim, Real>& particles) {
+  in.need(count,
+          sizeof(std::uint64_t) + sizeof(double) * Dim + sizeof(Real) * (1 + Dim + Dim * Dim));
+  const std::size_t next_id = particles.next_id;
+  std::size_t p = particles.size();
+  particles.resize(p + count);
+  if (mixed)
+    particles.resize_mixed(p + count);
+  for (; p < particles.size(); ++p) {
+    std::uint64_t id = 0;
+    in.raw(id);
+    particles.id[p] = id;
+    in.raw(particles.volume[p]);
+    in.raw(particles.position[p]);
+    in.raw(particles.velocity[p]);
+    in.raw(particles.affine[p]);
+    if (mixed)
+      in.raw(particles.mixed[p]);
+  }
+  particles.next_id = next_id;
+}
+
+template <int Dim>
+void put_bodies(ByteWriter& out, const Array<RigidState<Dim>>& bodies) {
+  for (const RigidState<Dim>& body : bodies) {
+    out.raw(body.position);
+    out.raw(body.rotation);
+    out.raw(body.velocity);
+    out.raw(body.angular_velocity);
+  }
+}
+
+template <int Dim>
+void take_bodies(ByteReader& in, std::size_t count, Array<RigidState<Dim>>& bodies) {
+  bodies.resize(count);
+  for (RigidState<Dim>& body : bodies) {
+    in.raw(body.position);
+    in.raw(body.rotation);
+    in.raw(body.velocity);
+    in.raw(body.angular_velocity);
+  }
+}
+
+/// A file beside a checkpoint's that a rank has written or begun: NAME.GENERATION-RANK or that with
+/// .tmp.
+struct Piece {
+  std::filesystem::path path;
+  std::size_t generation = 0;
+};
+
+inline std::filesystem::path piece_path(const std::filesystem::path& path, std::size_t generation,
+                                        int rank) {
+  return path.string() + "." + std::to_string(generation) + "-" + std::to_string(rank);
+}
+
+/// The pieces that are there, of whatever generation.
+inline std::vector<Piece> find_pieces(const std::filesystem::path& path) {
+  std::vector<Piece> pieces;
+  std::error_code none;
+  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
+  const std::string begin = path.filename().string() + ".";
+  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(begin))
+      continue;
+    std::string_view rest = std::string_view(name).substr(begin.size());
+    if (rest.ends_with(".tmp"))
+      rest.remove_suffix(4);
+    const std::size_t dash = std::min(rest.find('-'), rest.size());
+    const auto generation = parse_number<std::size_t>(rest.substr(0, dash));
+    if (generation && dash < rest.size() && parse_number<unsigned>(rest.substr(dash + 1)))
+      pieces.push_back({entry.path(), *generation});
+  }
+  return pieces;
+}
+
+} // namespace detail
+
+/// Removes the checkpoint at `path`, if there is one, with its pieces if ranks have written it.
+inline void remove_checkpoint(const std::filesystem::path& path) {
+  std::filesystem::remove(path); // first: what is there is always whole
+  for (const detail::Piece& piece : detail::find_pieces(path))
+    std::filesystem::remove(piece.path);
+}
+
+/// Saves the state of `sim`. `notes`: whatever the program wants to find again, at most 2^20 bytes.
+/// The file gets its name when it is complete and on the disk: an earlier one is good until then.
+/// Throws std::runtime_error if it cannot be written, std::invalid_argument for longer notes.
+template <class Sim>
+void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
+                      std::string_view notes = {}) {
+  constexpr int dim = Sim::dimension;
+  detail::check_notes(notes);
+  const auto& state = sim.state();
+  detail::SealedFile file(path);
+  detail::ByteWriter& out = file.out;
+  out.text(std::string(detail::checkpoint_format) + "\n");
+  detail::put_configuration(out, sim, !state.particles.mixed.empty());
+  out.line("counts", state.particles.size(), state.stress_impulse.size(), state.contacts.size(),
+           state.body_contacts.size(), notes.size());
+  out.text(notes);
+  out.raw(state.gravity);
+  detail::put_particles(file, state.particles);
+  for (const auto& stress : state.stress_impulse) {
+    out.raw(stress);
+    file.flush_some();
+  }
+  for (const Contact<dim>& contact : state.contacts) {
+    out.raw(contact.node);
+    out.raw(contact.boundary_id);
+    out.raw(contact.impulse);
+  }
+  detail::put_bodies(out, state.bodies);
+  for (const BodyContact<dim>& contact : state.body_contacts) {
+    out.raw(contact.node);
+    out.raw(contact.boundary_id);
+    out.raw(contact.body);
+    out.raw(contact.impulse);
+  }
+  file.commit();
+}
+
+/// Puts the state that `path` holds into `sim` and returns the notes. `sim` is one that was made
+/// with the same parameters (threads, friction law, transfer and solver may differ); its particles
+/// are replaced. After that it goes on like the run that wrote the file, to the last bit. Obstacles
+/// and shapes are compared by what they do at random places and times, the later ones up to 57 000
+/// time steps after the file's.
+/// Throws std::runtime_error, and leaves `sim` as it was, if the file cannot be read, is damaged,
+/// or belongs to another minor version or configuration; the message names the difference.
+template <class Sim>
+std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
+  constexpr int dim = Sim::dimension;
+  detail::ByteReader in(path);
+  if (in.starts_with(detail::pieces_kind))
+    in.fail("it lists the pieces of a run on several ranks, which go on with it (--ranks 1 or more "
+            "for an example program)");
+  detail::take_format(in, detail::checkpoint_kind, detail::checkpoint_format);
+
+  SimulationState<dim, typename Sim::ParticleData::Scalar> state;
+  std::size_t particles = 0, nodes = 0, contacts = 0, body_contacts = 0, length = 0;
+  const bool mixed = detail::take_configuration(in, sim, state);
   in.line("counts", particles, nodes, contacts, body_contacts, length);
   std::string notes(in.take(length));
   in.raw(state.gravity);
-  in.need(particles,
-          sizeof(std::uint64_t) + sizeof(double) * dim + sizeof(Real) * (1 + dim + dim * dim));
-  state.particles.resize(particles);
-  if (mixed == 1)
-    state.particles.resize_mixed(particles);
-  for (std::size_t p = 0; p < particles; ++p) {
-    std::uint64_t id = 0;
-    in.raw(id);
-    state.particles.id[p] = id;
-    in.raw(state.particles.volume[p]);
-    in.raw(state.particles.position[p]);
-    in.raw(state.particles.velocity[p]);
-    in.raw(state.particles.affine[p]);
-    if (mixed == 1)
-      in.raw(state.particles.mixed[p]);
-  }
-  state.particles.next_id = next_id;
+  detail::take_particles(in, particles, mixed, state.particles);
   in.need(nodes, sizeof(double) * symmetric_size<dim>);
   state.stress_impulse.resize(nodes);
   for (auto& stress : state.stress_impulse)
@@ -257,13 +396,7 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     in.raw(contact.boundary_id);
     in.raw(contact.impulse);
   }
-  state.bodies.resize(sim.bodies().size());
-  for (RigidState<dim>& body : state.bodies) {
-    in.raw(body.position);
-    in.raw(body.rotation);
-    in.raw(body.velocity);
-    in.raw(body.angular_velocity);
-  }
+  detail::take_bodies(in, sim.bodies().size(), state.bodies);
   in.need(body_contacts, 3 * sizeof(int));
   state.body_contacts.resize(body_contacts);
   for (BodyContact<dim>& contact : state.body_contacts) {

@@ -329,10 +329,12 @@ void write_vtk_image(const std::filesystem::path& path, const Vec<Dim>& origin,
 /// Writes nodal fields of a part of a regular grid (.vtu): of the cells with a node for which
 /// shown(Index<Dim>) is true, as quadrilaterals or hexahedra. What has material is often a small
 /// part of the box. Everything else as write_vtk_image: the fields have values for all nodes.
+/// first: added to the indices of nodes where their positions are computed, for a part of a grid.
 template <int Dim, class Shown>
 void write_vtk_cells(const std::filesystem::path& path, const Vec<Dim>& origin,
                      const Vec<Dim>& spacing, const Index<Dim>& nodes,
-                     const std::vector<VtkField>& fields, const Shown& shown) {
+                     const std::vector<VtkField>& fields, const Shown& shown,
+                     const Index<Dim>& first = {}) {
   const std::size_t count = detail::vtk_node_count<Dim>(origin, spacing, nodes);
   constexpr std::size_t most = std::numeric_limits<std::int32_t>::max();
   if (count > most)
@@ -378,7 +380,7 @@ void write_vtk_cells(const std::filesystem::path& path, const Vec<Dim>& origin,
             place[n] = static_cast<std::int32_t>(written.size());
             written.push_back(n);
             for (int a = 0; a < 3; ++a)
-              points.push_back(a < Dim ? origin[a] + spacing[a] * node[a] : 0);
+              points.push_back(a < Dim ? origin[a] + spacing[a] * (first[a] + node[a]) : 0);
           }
           cells.push_back(place[n]);
         }

@@ -98,13 +98,14 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
 }
 
 /// Throws std::invalid_argument if a particle is refused or the state does not fit the boundaries.
+/// nodes: how many there are.
 template <int Dim, class Real>
-void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>& bounds) {
+void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>& bounds,
+                 int nodes) {
   require_non_negative("state.time", state.time);
   require_positive("state.time_step", state.time_step);
   check_gravity("state.gravity", state.gravity);
   check_particles(state.particles, bounds.grid);
-  const int nodes = bounds.grid.node_count();
   if (state.stress_impulse.size() != static_cast<std::size_t>(nodes))
     throw_invalid("the number of nodes of the state", state.stress_impulse.size(),
                   std::to_string(nodes));
@@ -137,6 +138,10 @@ void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>&
     if (contact.node < -static_cast<int>(body.corners.size()) || contact.node >= nodes)
       throw_invalid("the node of a contact", contact.node, "a node of the grid, or a corner");
   }
+}
+template <int Dim, class Real>
+void check_state(const SimulationState<Dim, Real>& state, const Boundaries<Dim>& bounds) {
+  check_state(state, bounds, bounds.grid.node_count());
 }
 
 } // namespace talus
