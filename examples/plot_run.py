@@ -73,8 +73,9 @@ class Picture:
             axes = self.axes(LEFT + column * (width + GAP), top + row * (height + 0.6), width, height)
             mesh = axes.pcolormesh(x, z, speed, norm=norm, cmap=SPEED, shading="nearest",
                                    rasterized=True)
-            axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5], colors="black",
-                         linewidths=1)
+            if speed.count() > 0:
+                axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5],
+                             colors="black", linewidths=1)
             for outline in self.picture.get("outlines", []):
                 axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
             axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal")

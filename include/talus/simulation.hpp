@@ -27,6 +27,7 @@
 #include "talus/solver/viscous_solver.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/contacts.hpp"
+#include "talus/step/exchange.hpp"
 #include "talus/step/face_conditions.hpp"
 #include "talus/step/free_bodies.hpp"
 #include "talus/step/friction.hpp"
@@ -50,6 +51,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <exception>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -89,6 +91,7 @@ class Simulation {
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
     std::vector<Body<Dim>> bodies{};
+    std::shared_ptr<const Exchange<Dim, ParticleReal>> exchange{}; ///< sources, sinks; null: none
     typename RheologyT::Params rheology{};
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
@@ -156,7 +159,8 @@ class Simulation {
   /// Advances by δt, or leaves all as it was and says why (StepReport::completed(), why()). What
   /// user code throws inside of it arrives here, from the lowest node, for any number of threads;
   /// then, too, all is as before, but for the order of the particles, and the run can go on. Only
-  /// if the transfer's update throws, with the particles half moved, restore() must come first.
+  /// if the transfer's update, a source or a sink throws, with the particles half changed,
+  /// restore() must come first.
   StepReport step();
 
   /// The same, and calls before_solve(problem) with the dual problem as the solver gets it, warm
@@ -227,9 +231,12 @@ class Simulation {
           remove_outflow(params_.faces, grid_, execution_, work_.counts, state_.particles);
       report.outflow = outflow.particles;
       report.outflow_volume = outflow.volume;
+      const double end = state_.time + state_.time_step;
+      if (params_.exchange)
+        exchange(end, report);
       if (params_.ranks)
         params_.ranks->migrate(state_.particles);
-      state_.time += state_.time_step;
+      state_.time = end;
       ++state_.steps;
     }
     const auto t4 = Clock::now();
@@ -299,6 +306,50 @@ class Simulation {
     use_window();
     state_ = std::move(part);
     stepped_ = torn_ = false;
+  }
+
+  /// Adds copies of the particles `more` between two steps. They get ids of their own, next_id and
+  /// on in their order: those of particles that left never come again. No report counts them.
+  /// Collective with several ranks: all give the same particles.
+  /// Throws std::invalid_argument, and changes nothing, if a particle is refused or some place
+  /// would be filled twice; see the constructor.
+  void add(const ParticleData& more) {
+    require_whole();
+    check_particles(more, grid_);
+    ParticleData& particles = state_.particles;
+    const std::size_t first_id = particles.next_id;
+    if (execution_.first_rank())
+      append(more, particles);
+    particles.next_id = first_id + more.size();
+    if (params_.ranks)
+      params_.ranks->migrate(particles);
+    std::exception_ptr refusal;
+    try {
+      check_overfilled(particles, grid_, params_.packing.densest, problem_.copies.halo());
+    } catch (...) {
+      refusal = std::current_exception();
+    }
+    if (execution_.largest(refusal ? 1 : 0) == 0)
+      return;
+    ExactSum unused;
+    take_out(
+        particles, [&](std::size_t p) { return particles.id[p] >= first_id; }, unused);
+    particles.next_id = first_id;
+    if (refusal)
+      std::rethrow_exception(refusal);
+    throw_invalid("add(): the number of other ranks that refuse the particles", "not 0", "0");
+  }
+
+  /// Takes out, between two steps, the particles p of particles() with leaves(p) → bool, and
+  /// returns how many and their volume (m^d). No report counts them. All may go. If leaves throws,
+  /// nothing has changed. Collective with several ranks: each takes out its own.
+  template <class Leaves>
+  Outflow remove(const Leaves& leaves) {
+    require_whole();
+    ExactSum volume;
+    const std::size_t removed = execution_.sum(take_out(state_.particles, leaves, volume));
+    execution_.join(&volume, 1);
+    return {removed, volume.value()};
   }
 
   /// Changes gravity (m/s²) from the next step on: tilts the box.
@@ -650,6 +701,22 @@ class Simulation {
       shift_particles(state_.particles, grid_, work_.excess, work_.strain, params_.packing.shifting,
                       lower, upper, execution_);
     }
+  }
+
+  /// Sources and sinks at the end of the step, at the time `end` (s).
+  void exchange(double end, StepReport& report) {
+    Turnover turnover;
+    torn_ = true;
+    params_.exchange->exchange(state_.time, end, execution_, state_.particles, turnover);
+    torn_ = false;
+    execution_.join(&turnover.inflow, 1);
+    execution_.join(&turnover.outflow, 1);
+    execution_.join(&turnover.held_back, 1);
+    report.inflow = execution_.sum(turnover.added);
+    report.inflow_volume = turnover.inflow.value();
+    report.outflow += execution_.sum(turnover.removed);
+    report.outflow_volume += turnover.outflow.value();
+    report.held_back_volume = turnover.held_back.value();
   }
 
   Params params_;

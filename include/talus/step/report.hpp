@@ -40,7 +40,10 @@ struct [[nodiscard]] StepReport {
   /// filled twice, or what flows is more than the grid resolves.
   double largest_fraction = 0;
   double courant = 0;          ///< largest |u_a| δt/h_a of a node after the solve: cells crossed
-  std::size_t outflow = 0;     ///< particles that left through free faces in this step
+  std::size_t inflow = 0;      ///< particles that sources added at the end of this step
+  double inflow_volume = 0;    ///< m^d
+  double held_back_volume = 0; ///< m^d that sources had no room for; it does not come later
+  std::size_t outflow = 0;     ///< particles that left through open faces and sinks in this step
   double outflow_volume = 0;   ///< m^d
   std::size_t bodies_left = 0; ///< free bodies that left the box in this step
 
