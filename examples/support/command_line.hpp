@@ -210,7 +210,7 @@ inline nlohmann::json options_of(const CLI::App& app) {
 template <class Body>
 int run_program(CLI::App& app, int argc, char** argv, const Body& body) {
   check_numbers(app);
-  const RanksOfProgram ranks{};
+  [[maybe_unused]] const RanksOfProgram ranks{};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

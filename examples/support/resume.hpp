@@ -5,6 +5,7 @@
 
 #include "talus/core/error.hpp"
 #include "talus/io/checkpoint.hpp"
+#include "talus/io/checkpoint_pieces.hpp"
 #include "talus/version.hpp"
 
 #include <CLI/CLI.hpp>

@@ -196,7 +196,9 @@ class Simulation {
     collect_touched_nodes(boundaries(), solids_, node_order_, problem_);
     if (params_.ranks)
       params_.ranks->share_contacts(problem_);
-    problem_.body_contacts.swap(work_.touched);
+    work_.touched.clear();
+    for (const BodyContact<Dim>& contact : problem_.body_contacts)
+      work_.touched.push_back(contact);
     collect_body_contacts(boundaries(), work_.touched, node_order_, state_.time_step,
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
@@ -462,7 +464,7 @@ class Simulation {
     last_fields_.start(nodes());
     work_.start(nodes());
     if (halo)
-      work_.order.set_others(cells_of_others(grid_));
+      work_.order.find_others(grid_);
     last_velocity_.assign(nodes(), NodeVec<Dim>::Zero());
     node_rank_.assign(nodes(), 0);
     for (std::size_t k = 0; k < node_order_.nodes().size(); ++k)

@@ -5,7 +5,9 @@
 #include "../support/collapse.hpp"
 
 #include "talus/boundary/body.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/rheology/viscosity.hpp"
+#include "talus/scene/source.hpp"
 
 /// \file
 /// Scenes that ranks share in tests: small, but with all that crosses the edges of windows.
@@ -63,6 +65,27 @@ Scene<Sim<Dim>> sliding_block() {
   scene.particles = block<Dim>(scene.params.grid, 0, 0.32, 0, 0.06, 0.5);
   for (auto& v : scene.particles.velocity)
     v[0] = 2;
+  return scene;
+}
+
+/// A box that is empty at first: sand comes in through a strip, and goes out in a corner.
+template <int Dim>
+Scene<Sim<Dim>> fountain() {
+  Scene<Sim<Dim>> scene;
+  auto& params = scene.params;
+  params = box<Dim>({0.3, 0.08, 0.16}, {30, 8, 16}, 0, 0.44);
+  const Grid<Dim> grid(params.grid);
+  Vec<Dim> lower = grid.origin(), upper = grid.upper(), corner = grid.upper();
+  lower[0] = 0.12;
+  upper[0] = 0.18;
+  lower[up_axis<Dim>] = upper[up_axis<Dim>] = 0.14;
+  corner[0] = 0.1;
+  corner[up_axis<Dim>] = 0.02;
+  Vec<Dim> velocity = Vec<Dim>::Zero();
+  velocity[up_axis<Dim>] = -1;
+  params.exchange =
+      together<Dim>({make_source<Dim>(grid, {.lower = lower, .upper = upper, .velocity = velocity}),
+                     make_sink<Dim>(shapes::Box<Dim>(grid.origin(), corner))});
   return scene;
 }
 

@@ -77,6 +77,9 @@ void check_same(const S& alone, const StepReport& one, const S& shared, const St
   CHECK(report.largest_fraction == one.largest_fraction);
   CHECK(report.outflow == one.outflow);
   CHECK(report.outflow_volume == one.outflow_volume);
+  CHECK(report.inflow == one.inflow);
+  CHECK(report.inflow_volume == one.inflow_volume);
+  CHECK(report.held_back_volume == one.held_back_volume);
   CHECK(report.friction_updates == one.friction_updates);
   CHECK(report.viscous.iterations == one.viscous.iterations);
   for (int a = 0; a < S::dimension; ++a)
@@ -171,6 +174,11 @@ TEST_CASE("ranks: an endless chute, 2-D") {
 }
 TEST_CASE("ranks: an endless chute, 3-D") {
   check_scene(scenes::chute<3>(), steps_for_ranks(40));
+}
+
+TEST_CASE("ranks: sand comes in and goes out") {
+  check_scene(scenes::fountain<2>(), steps_for_ranks(200));
+  check_scene(scenes::fountain<3>(), steps_for_ranks(100));
 }
 
 TEST_CASE("ranks: the grid is dealt again when the load has moved") {

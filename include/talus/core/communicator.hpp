@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/exact_sum.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -28,6 +29,7 @@ class Communicator {
 
   /// Replaces each of `count` values by its sum, or its largest one, over all ranks.
   virtual void sum(std::int64_t* values, int count) const = 0;
+  virtual void sum(ExactSum* sums, int count) const = 0;
   virtual void maximum(std::int64_t* values, int count) const = 0;
 
   /// Starts to send `out` and to receive `in`, whose ranks and sizes fit the other ranks'; neither

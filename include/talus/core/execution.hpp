@@ -364,16 +364,8 @@ class Execution {
   }
   /// Joins the sums of all ranks.
   void join(ExactSum* sums, int count) const {
-    if (!communicator_)
-      return;
-    Array<std::int64_t> words;
-    for (int k = 0; k < count; ++k) {
-      sums[k].normalise();
-      words.insert(words.end(), sums[k].words(), sums[k].words() + ExactSum::size);
-    }
-    communicator_->sum(words.data(), count * ExactSum::size);
-    for (int k = 0; k < count; ++k)
-      std::copy_n(words.data() + k * ExactSum::size, ExactSum::size, sums[k].words());
+    if (communicator_)
+      communicator_->sum(sums, count);
   }
 
   const Communicator* communicator() const { return communicator_; } ///< null: one rank

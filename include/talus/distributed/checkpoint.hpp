@@ -13,6 +13,7 @@
 #include "talus/dual/problem.hpp"
 #include "talus/io/bytes.hpp"
 #include "talus/io/checkpoint.hpp"
+#include "talus/io/checkpoint_pieces.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/state.hpp"
 
@@ -81,7 +82,7 @@ PieceEntry write_piece(const std::filesystem::path& path, const Sim& sim, std::s
   entry.contacts = state.contacts.size();
   for_each_stress([&](const auto&, const auto&) { ++entry.stresses; });
 
-  talus::detail::SealedFile file(path);
+  talus::detail::SealedFile<> file(path);
   talus::detail::ByteWriter& out = file.out;
   out.text(std::string(piece_format) + "\n");
   out.line("piece", generation, all.rank());
@@ -139,7 +140,7 @@ void write_list(const std::filesystem::path& path, const Sim& sim, std::size_t g
                 const Array<PieceEntry>& pieces, bool mixed, std::string_view notes) {
   constexpr int dim = Sim::dimension;
   const auto& state = sim.state();
-  talus::detail::SealedFile file(path);
+  talus::detail::SealedFile<> file(path);
   talus::detail::ByteWriter& out = file.out;
   out.text(std::string(pieces_format) + "\n");
   talus::detail::put_configuration(out, sim, mixed);

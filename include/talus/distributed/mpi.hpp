@@ -3,10 +3,12 @@
 
 #include "talus/core/array.hpp"
 #include "talus/core/communicator.hpp"
+#include "talus/core/exact_sum.hpp"
 #include "talus/distributed/ranks.hpp"
 
 #include <mpi.h>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -39,6 +41,16 @@ class Mpi final : public Communicator {
   int size() const override { return size_; }
 
   void sum(std::int64_t* values, int count) const override { reduce(values, count, MPI_SUM); }
+  void sum(ExactSum* sums, int count) const override {
+    Array<std::int64_t> words;
+    for (int k = 0; k < count; ++k) {
+      sums[k].normalise();
+      words.insert(words.end(), sums[k].words(), sums[k].words() + ExactSum::size);
+    }
+    reduce(words.data(), count * ExactSum::size, MPI_SUM);
+    for (int k = 0; k < count; ++k)
+      std::copy_n(words.data() + k * ExactSum::size, ExactSum::size, sums[k].words());
+  }
   void maximum(std::int64_t* values, int count) const override { reduce(values, count, MPI_MAX); }
 
   void start(const Array<Message>& out, Array<Message>& in) const override {

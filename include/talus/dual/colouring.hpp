@@ -35,16 +35,13 @@ class BlockOrder {
     Index<Dim> first, blocks; // of this rank
     for (int a = 0; a < Dim; ++a) {
       edges_[a] = edges(grid, a);
-      const auto at = [&](int node) {
-        return static_cast<int>(std::lower_bound(edges_[a].begin(), edges_[a].end(), node) -
-                                edges_[a].begin());
-      };
-      first[a] = at(own.begin[a]);
-      blocks[a] = own.empty() ? 0 : at(own.end[a]) - first[a];
+      first[a] = own.empty() ? 0 : block_of(a, own.begin[a]);
+      blocks[a] = own.empty() ? 0 : block_of(a, own.end[a] - 1) + 1 - first[a];
     }
     for (int colour = 0; colour < colours; ++colour) {
       colour_begin_.push_back(begin_.size());
-      for (const bool border : {true, false}) {
+      for (int part = 0; part < 2; ++part) {
+        const bool border = part == 0;
         for_each_index(blocks, [&](const Index<Dim>& number) {
           Index<Dim> from, count;
           bool at_border = false;
@@ -86,11 +83,10 @@ class BlockOrder {
     constexpr std::size_t most = 2 * block_edge; // nodes along the edge of a block
     std::size_t colour = 0, block = 0, in_block = 0, nodes = 1;
     for (int a = 0; a < Dim; ++a) {
-      const auto after = std::upper_bound(edges_[a].begin(), edges_[a].end(), node[a]);
-      const auto number = static_cast<std::size_t>(after - edges_[a].begin()) - 1;
+      const auto number = static_cast<std::size_t>(block_of(a, node[a]));
       colour = 2 * colour + number % 2;
       block = block * (edges_[a].size() - 1) + number;
-      in_block = in_block * most + static_cast<std::size_t>(node[a] - *(after - 1));
+      in_block = in_block * most + static_cast<std::size_t>(node[a] - edges_[a][number]);
     }
     for (int a = 0; a < Dim; ++a) {
       colour *= edges_[a].size() - 1;
@@ -128,6 +124,17 @@ class BlockOrder {
   const Array<std::size_t>& border_end() const { return border_end_; }
 
  private:
+  /// The number, along an axis, of the block that a node is in.
+  int block_of(int axis, int node) const {
+    const Array<int>& edges = edges_[axis];
+    int low = 0, high = static_cast<int>(edges.size()) - 1;
+    while (high - low > 1) {
+      const int middle = (low + high) / 2;
+      (edges[middle] <= node ? low : high) = middle;
+    }
+    return low;
+  }
+
   static Array<int> closed_edges(int nodes) {
     Array<int> edges;
     for (int first = 0; first < nodes; first += block_edge)
@@ -264,19 +271,19 @@ void for_each_cone(const DualProblem<Dim>& problem, const Execution& execution, 
   });
 }
 
-/// Σ term(block) over the blocks of all ranks, N sums at once; exact but for the rounding of the
-/// terms, so that it does not depend on ranks and threads. partials: workspace.
-template <int Dim, int N, class Term>
+/// N sums at once over the blocks of all ranks: term(block, of_block) sets the N numbers of a
+/// block, and these are added without rounding, so that the sums depend on neither ranks nor
+/// threads. partials: workspace; afterwards the numbers of all blocks, N each.
+template <int N, int Dim, class Term>
 SmallArray<double, N> sum_over_blocks(const DualProblem<Dim>& problem, const Execution& execution,
-                                      Array<SmallArray<double, N>>& partials, const Term& term) {
-  partials.resize(problem.blocks.size());
+                                      Array<double>& partials, const Term& term) {
+  partials.resize(N * problem.blocks.size());
   execution.for_each(std::ssize(problem.blocks),
-                     [&](std::ptrdiff_t b) { partials[b] = term(problem.blocks[b]); });
+                     [&](std::ptrdiff_t b) { term(problem.blocks[b], partials.data() + N * b); });
   SmallArray<ExactSum, N> sums;
-  for (const SmallArray<double, N>& partial : partials)
-    for (int k = 0; k < N; ++k)
-      sums[k].add(partial[k]);
-  execution.join(sums.begin(), N);
+  for (std::size_t k = 0; k < partials.size(); ++k)
+    sums[k % N].add(partials[k]);
+  execution.join(sums.values, N);
   SmallArray<double, N> total;
   for (int k = 0; k < N; ++k)
     total[k] = sums[k].value();

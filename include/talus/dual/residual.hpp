@@ -41,9 +41,7 @@ class ResidualMeter {
                       const Array<double>& inverse_scales, const Execution& execution) {
     constexpr int n = symmetric_size<Dim>;
     const double speed2 = problem.velocity_scale * problem.velocity_scale;
-    worst_.resize(problem.blocks.size());
-    const Block* const first = problem.blocks.data();
-    const auto of_block = [&](const Block& block) {
+    const auto of_block = [&](const Block& block, double* of) {
       Sums sums;
       for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
         const double inverse_mass = problem.inverse_mass[problem.node[i]].maxCoeff();
@@ -63,13 +61,16 @@ class ResidualMeter {
         const Vec<Dim> u = problem.velocity[contact.node].template head<Dim>();
         add_contact(sums, contact, u, contact_inverse_mass(problem, contact));
       }
-      worst_[&block - first] = sums.worst;
-      return SmallArray<double, 4>{sums.error, sums.energy, sums.least, sums.count};
+      of[0] = sums.error;
+      of[1] = sums.energy;
+      of[2] = sums.least;
+      of[3] = sums.count;
+      of[4] = sums.worst;
     };
-    const auto total = sum_over_blocks(problem, execution, partials_, of_block);
+    const auto total = sum_over_blocks<5>(problem, execution, partials_, of_block);
     double worst = 0;
-    for (const double of : worst_)
-      worst = of <= worst ? worst : of; // a NaN is kept, not lost
+    for (std::size_t k = 4; k < partials_.size(); k += 5)
+      worst = partials_[k] <= worst ? worst : partials_[k]; // a NaN is kept, not lost
     Sums sums{total[0], total[1], total[2], execution.largest(worst), total[3]};
     for (const FreeBody<Dim>& body : problem.bodies)
       sums.least += speed2 / body.inverse_mass;
@@ -115,8 +116,7 @@ class ResidualMeter {
              lambda.squaredNorm(), inverse_mass);
   }
 
-  Array<SmallArray<double, 4>> partials_; ///< #blocks
-  Array<double> worst_;                   ///< #blocks
+  Array<double> partials_; ///< #blocks × 5
 };
 
 } // namespace talus

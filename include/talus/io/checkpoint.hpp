@@ -189,12 +189,13 @@ inline std::uint64_t take_format(ByteReader& in, std::string_view kind, std::str
 }
 
 /// A file that is written bit by bit, for the state may be most of the memory, with the fingerprint
-/// of all bytes at the end.
+/// of all bytes at the end. A template, so that programs which save nothing do not compile it.
+template <class Writer = ByteWriter>
 class SealedFile {
  public:
   explicit SealedFile(const std::filesystem::path& path) : file_(path) {}
 
-  ByteWriter out;
+  Writer out;
 
   /// To be called now and then.
   void flush_some() {
@@ -223,7 +224,7 @@ class SealedFile {
 };
 
 template <int Dim, class Real>
-void put_particles(SealedFile& file, const Particles<Dim, Real>& particles) {
+void put_particles(SealedFile<>& file, const Particles<Dim, Real>& particles) {
   ByteWriter& out = file.out;
   for (std::size_t p = 0; p < particles.size(); ++p) {
     out.raw(std::uint64_t{particles.id[p]});
@@ -283,47 +284,7 @@ void take_bodies(ByteReader& in, std::size_t count, Array<RigidState<Dim>>& bodi
   }
 }
 
-/// A file beside a checkpoint's that a rank has written or begun: NAME.GENERATION-RANK or that with
-/// .tmp.
-struct Piece {
-  std::filesystem::path path;
-  std::size_t generation = 0;
-};
-
-inline std::filesystem::path piece_path(const std::filesystem::path& path, std::size_t generation,
-                                        int rank) {
-  return path.string() + "." + std::to_string(generation) + "-" + std::to_string(rank);
-}
-
-/// The pieces that are there, of whatever generation.
-inline std::vector<Piece> find_pieces(const std::filesystem::path& path) {
-  std::vector<Piece> pieces;
-  std::error_code none;
-  const std::filesystem::path folder = path.has_parent_path() ? path.parent_path() : ".";
-  const std::string begin = path.filename().string() + ".";
-  for (const auto& entry : std::filesystem::directory_iterator(folder, none)) {
-    const std::string name = entry.path().filename().string();
-    if (!name.starts_with(begin))
-      continue;
-    std::string_view rest = std::string_view(name).substr(begin.size());
-    if (rest.ends_with(".tmp"))
-      rest.remove_suffix(4);
-    const std::size_t dash = std::min(rest.find('-'), rest.size());
-    const auto generation = parse_number<std::size_t>(rest.substr(0, dash));
-    if (generation && dash < rest.size() && parse_number<unsigned>(rest.substr(dash + 1)))
-      pieces.push_back({entry.path(), *generation});
-  }
-  return pieces;
-}
-
 } // namespace detail
-
-/// Removes the checkpoint at `path`, if there is one, with its pieces if ranks have written it.
-inline void remove_checkpoint(const std::filesystem::path& path) {
-  std::filesystem::remove(path); // first: what is there is always whole
-  for (const detail::Piece& piece : detail::find_pieces(path))
-    std::filesystem::remove(piece.path);
-}
 
 /// Saves the state of `sim`. `notes`: whatever the program wants to find again, at most 2^20 bytes.
 /// The file gets its name when it is complete and on the disk: an earlier one is good until then.
@@ -334,7 +295,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
   constexpr int dim = Sim::dimension;
   detail::check_notes(notes);
   const auto& state = sim.state();
-  detail::SealedFile file(path);
+  detail::SealedFile<> file(path);
   detail::ByteWriter& out = file.out;
   out.text(std::string(detail::checkpoint_format) + "\n");
   detail::put_configuration(out, sim, !state.particles.mixed.empty());

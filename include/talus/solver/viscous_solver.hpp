@@ -148,7 +148,7 @@ class ViscousSolver {
   /// Σ of term(node, inverse mass) over the nodes that carry a cone.
   template <class Term>
   Sums sum(const DualProblem<Dim>& problem, const Execution& execution, const Term& term) {
-    const auto of_block = [&](const Block& block) {
+    const auto of_block = [&](const Block& block, double* of) {
       Sums sums;
       for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
         const int j = problem.node[i];
@@ -157,9 +157,11 @@ class ViscousSolver {
         sums.left_out += more.left_out;
         sums.mass += more.mass;
       }
-      return SmallArray<double, 3>{sums.product, sums.left_out, sums.mass};
+      of[0] = sums.product;
+      of[1] = sums.left_out;
+      of[2] = sums.mass;
     };
-    const auto total = sum_over_blocks(problem, execution, partials_, of_block);
+    const auto total = sum_over_blocks<3>(problem, execution, partials_, of_block);
     return {total[0], total[1], total[2]};
   }
 
@@ -224,7 +226,7 @@ class ViscousSolver {
 
   Stencil<Dim> stencil_;
   Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
-  Array<SmallArray<double, 3>> partials_;
+  Array<double> partials_;
 };
 
 } // namespace talus

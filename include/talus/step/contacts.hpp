@@ -164,8 +164,9 @@ template <int Dim>
 void collect_touched_nodes(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
                            const BlockOrder<Dim>& order, DualProblem<Dim>& problem) {
   problem.body_contacts.clear();
-  for (const auto& [b, cone] : solids.held_by_bodies(bounds)) {
-    const int node = problem.node[cone];
+  for (const auto& held : solids.held_by_bodies(bounds)) {
+    const std::size_t b = held.first;
+    const int node = problem.node[held.second];
     if (!(problem.inverse_mass[node].maxCoeff() > 0))
       continue; // it cannot move
     const Index<Dim> index = bounds.grid.node_index(node);

@@ -100,7 +100,7 @@ class FrictionIteration {
   /// The change that all of next would make to the yield stress μ p, relative, in the mean square.
   template <int Dim>
   double change(const DualProblem<Dim>& problem, const Execution& execution) {
-    const auto of_block = [&](const Block& block) {
+    const auto of_block = [&](const Block& block, double* of) {
       double change2 = 0, sum2 = 0;
       for (std::size_t i = block.cone_begin; i < block.cone_end; ++i) {
         const double pressure = problem.stress_impulse[i][0];
@@ -109,9 +109,10 @@ class FrictionIteration {
         change2 += by * by;
         sum2 += yield * yield;
       }
-      return SmallArray<double, 2>{change2, sum2};
+      of[0] = change2;
+      of[1] = sum2;
     };
-    const auto sums = sum_over_blocks(problem, execution, partials_, of_block);
+    const auto sums = sum_over_blocks<2>(problem, execution, partials_, of_block);
     return sums[1] > 0 ? std::sqrt(sums[0] / sums[1]) : 0;
   }
 
@@ -131,7 +132,7 @@ class FrictionIteration {
 
  private:
   double relaxation_ = 1;
-  Array<SmallArray<double, 2>> partials_;
+  Array<double> partials_;
 };
 
 } // namespace talus

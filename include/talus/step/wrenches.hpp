@@ -50,16 +50,18 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
     const int other = node + problem.grid.neighbour_offset(k);
     const Vec<symmetric_size<Dim>>& stress = step.stress_impulse[other];
     const int cone = step.work.cone[other];
+    GradientWeights<Dim> of_other;
+    const GradientWeights<Dim>* weights = &of_other;
     if (cone >= 0) {
-      momentum += vector_to_symmetric<Dim, double>(stress) *
-                  problem.gradient_weights[cone].col(neighbours - 1 - k);
+      weights = &problem.gradient_weights[cone];
     } else if (problem.copies.halo() && !stress.isZero(0)) {
       // another rank's: of its g_ij those towards this node come from cells that are here
-      GradientWeights<Dim> g;
       const Index<Dim> index = problem.grid.owner(problem.grid.node_index(other));
-      gather_coupling(problem.grid, index, step.work.order, step.work.moments, g);
-      momentum += vector_to_symmetric<Dim, double>(stress) * g.col(neighbours - 1 - k);
+      gather_coupling(problem.grid, index, step.work.order, step.work.moments, of_other);
+    } else {
+      continue;
     }
+    momentum += vector_to_symmetric<Dim, double>(stress) * weights->col(neighbours - 1 - k);
   }
   return momentum + step.viscous.impulse(node);
 }

@@ -59,8 +59,13 @@ class CellOrder {
   bool empty(int cell) const {
     return begin(cell) == begin(cell + 1) && (others_.empty() || !others_[cell]);
   }
-  /// Says which cells other ranks own: != 0, #cells.
-  void set_others(Array<char> others) { others_ = std::move(others); }
+  /// Looks up which cells of the window other ranks own.
+  void find_others(const Grid<Dim>& grid) {
+    others_.assign(static_cast<std::size_t>(grid.cell_count()), 0);
+    for (int c = 0; c < grid.cell_count(); ++c)
+      if (!grid.own().holds(grid.cell_index(c)))
+        others_[c] = 1;
+  }
 
  private:
   /// Puts a cell's part of the list in the order of ids, by insertion: nearly all of it is.
@@ -229,15 +234,6 @@ class CellOrder {
   Array<char> others_;       ///< empty if there is one rank
   Array<char> moved_;
 };
-
-/// Which cells of the window other ranks own: != 0, #cells.
-template <int Dim>
-Array<char> cells_of_others(const Grid<Dim>& grid) {
-  Array<char> others(static_cast<std::size_t>(grid.cell_count()));
-  for (int c = 0; c < grid.cell_count(); ++c)
-    others[c] = grid.own().holds(grid.cell_index(c)) ? 0 : 1;
-  return others;
-}
 
 /// Calls visit(cell) for every cell that holds particles of this rank; threads have about as many
 /// particles each.
