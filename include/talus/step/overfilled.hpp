@@ -3,8 +3,9 @@
 
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
-#include "talus/core/halo.hpp"
+#include "talus/core/node_copies.hpp"
 #include "talus/particles.hpp"
 
 #include <cmath>
@@ -15,11 +16,11 @@ namespace talus {
 
 /// Throws std::invalid_argument if the particles of some 3^d cells (fewer at faces) fill more than
 /// `densest` times their volume: every step of such a scene would converge, with wrong heights.
-/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. halo: how ranks
-/// share nodes, if there are several.
+/// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. copies: of
+/// nodes; null: what lies beyond periodic faces or on other ranks does not count.
 template <int Dim, class Real>
 void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid, double densest,
-                      const Halo* halo = nullptr) {
+                      const NodeCopies<Dim>* copies = nullptr) {
   // by the cells' first nodes, whose numbers have room for neighbours on every side
   Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
   Array<int> count(volume.size(), 0);
@@ -28,9 +29,9 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
     volume[first] += particles.volume[p];
     ++count[first];
   }
-  if (halo) {
-    halo->share_nodes(volume.data(), sizeof(double));
-    halo->share_nodes(count.data(), sizeof(int));
+  if (copies) {
+    copies->copy(volume, Execution());
+    copies->copy(count, Execution());
   }
   for (int c = 0; c < grid.cell_count(); ++c) {
     const Index<Dim> cell = grid.cell_index(c);
@@ -40,7 +41,7 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
     double sum = 0, room = grid.cell_volume();
     int particles_there = 0;
     for (int a = 0; a < Dim; ++a)
-      room *= 1 + (cell[a] > 0) + (cell[a] + 1 < grid.cells(a));
+      room *= copies && grid.periodic(a) ? 3 : 1 + (cell[a] > 0) + (cell[a] + 1 < grid.cells(a));
     for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
       const int other = first + grid.neighbour_offset(k);
       sum += volume[other];
