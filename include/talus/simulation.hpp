@@ -147,7 +147,8 @@ class Simulation {
       throw_invalid("the number of free bodies in a box with periodic faces", params_.bodies.size(),
                     "0");
     check_particles(state_.particles, grid_);
-    check_overfilled(state_.particles, grid_, params_.packing.densest, &problem_.copies);
+    check_overfilled(state_.particles, grid_, params_.packing.densest, &problem_.copies,
+                     &execution_);
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes(), execution_,
                            state_.bodies);
     problem_.bodies.resize(state_.bodies.size());
@@ -327,7 +328,7 @@ class Simulation {
       params_.ranks->migrate(particles);
     std::exception_ptr refusal;
     try {
-      check_overfilled(particles, grid_, params_.packing.densest, &problem_.copies);
+      check_overfilled(particles, grid_, params_.packing.densest, &problem_.copies, &execution_);
     } catch (...) {
       refusal = std::current_exception();
     }

@@ -17,10 +17,12 @@ namespace talus {
 /// Throws std::invalid_argument if the particles of some 3^d cells (fewer at faces) fill more than
 /// `densest` times their volume: every step of such a scene would converge, with wrong heights.
 /// n particles at random positions make 1/√n of noise; 4/√n is allowed on top. copies: of
-/// nodes; null: what lies beyond periodic faces or on other ranks does not count.
+/// nodes; null: what lies beyond periodic faces or on other ranks does not count;
+/// execution: goes with them.
 template <int Dim, class Real>
 void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& grid, double densest,
-                      const NodeCopies<Dim>* copies = nullptr) {
+                      const NodeCopies<Dim>* copies = nullptr,
+                      const Execution* execution = nullptr) {
   // by the cells' first nodes, whose numbers have room for neighbours on every side
   Array<double> volume(static_cast<std::size_t>(grid.node_count()), 0);
   Array<int> count(volume.size(), 0);
@@ -30,8 +32,8 @@ void check_overfilled(const Particles<Dim, Real>& particles, const Grid<Dim>& gr
     ++count[first];
   }
   if (copies) {
-    copies->copy(volume, Execution());
-    copies->copy(count, Execution());
+    copies->copy(volume, *execution);
+    copies->copy(count, *execution);
   }
   for (int c = 0; c < grid.cell_count(); ++c) {
     const Index<Dim> cell = grid.cell_index(c);
