@@ -13,6 +13,7 @@
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/together.hpp"
 #include "talus/distributed/vtk.hpp"
 #include "talus/io/vtk.hpp"
 
@@ -96,17 +97,6 @@ void check_same(const S& alone, const StepReport& one, const S& shared, const St
   }
 }
 
-/// What rank 0 has, on all ranks.
-Array<char> broadcast(const Array<char>& bytes) {
-  Array<Message> out;
-  for (int to = 0; to < mpi->size() && mpi->rank() == 0; ++to) {
-    out.emplace_back();
-    out.back().rank = to;
-    out.back().bytes = bytes;
-  }
-  return mpi->deliver(out)[0].bytes;
-}
-
 /// Many ranks on few cores wait most of the time: there the long runs are cut short, unless
 /// TALUS_LONG_TESTS is set.
 int steps_for_ranks(int steps) {
@@ -148,7 +138,7 @@ std::size_t check_scene(scenes::Scene<S> scene, int steps) {
         }
         team->put_state(alone->state(), state);
       }
-      shared.restore(team->take_state(broadcast(state)));
+      shared.restore(team->take_state(distributed::broadcast(*mpi, state)));
       CHECK(checksum(shared) == found);
     }
   }
