@@ -277,7 +277,9 @@ class Execution {
   Execution(const Execution& other) : Execution(other.threads(), other.communicator_) {}
   Execution(Execution&&) noexcept = default;
   Execution& operator=(const Execution& other) {
-    return *this = Execution(other.threads(), other.communicator_);
+    if (this != &other)
+      *this = Execution(other);
+    return *this;
   }
   Execution& operator=(Execution&&) noexcept = default;
   ~Execution() = default;

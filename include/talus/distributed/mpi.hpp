@@ -48,8 +48,9 @@ class Mpi final : public Communicator {
       words.insert(words.end(), sums[k].words(), sums[k].words() + ExactSum::size);
     }
     reduce(words.data(), count * ExactSum::size, MPI_SUM);
-    for (int k = 0; k < count; ++k)
-      std::copy_n(words.data() + k * ExactSum::size, ExactSum::size, sums[k].words());
+    const std::int64_t* from = words.data();
+    for (int k = 0; k < count; ++k, from += ExactSum::size)
+      std::copy_n(from, ExactSum::size, sums[k].words());
   }
   void maximum(std::int64_t* values, int count) const override { reduce(values, count, MPI_MAX); }
 

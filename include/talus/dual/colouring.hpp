@@ -80,7 +80,7 @@ class BlockOrder {
 
   /// A number that sorts the nodes of all ranks in the order in which one rank alone visits them.
   std::size_t place(const Index<Dim>& node) const {
-    constexpr std::size_t most = 2 * block_edge; // nodes along the edge of a block
+    constexpr auto most = std::size_t{2} * block_edge; // nodes along the edge of a block
     std::size_t colour = 0, block = 0, in_block = 0, nodes = 1;
     for (int a = 0; a < Dim; ++a) {
       const auto number = static_cast<std::size_t>(block_of(a, node[a]));
@@ -97,7 +97,7 @@ class BlockOrder {
 
   /// The node of a place: the inverse of place().
   Index<Dim> node_at(std::size_t place) const {
-    constexpr std::size_t most = 2 * block_edge;
+    constexpr auto most = std::size_t{2} * block_edge;
     std::size_t nodes = 1, blocks = 1;
     for (int a = 0; a < Dim; ++a) {
       nodes *= most;
