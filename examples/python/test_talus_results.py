@@ -203,7 +203,7 @@ def documented_tables():
         if line.startswith("#"):
             name = re.findall(r"`([\w.]+\.csv)`", line)
             for each in name:
-                described[each] = set()
+                described.setdefault(each, set())
         elif name and line.startswith("| `"):
             for each in name:
                 described[each].update(re.findall(r"`(\w+)`", line.split("|")[1]))

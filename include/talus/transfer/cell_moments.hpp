@@ -248,9 +248,12 @@ void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim
   });
   if (!halo)
     return;
+  CellMoments<Dim> none;
+  for (Vec<Dim>& momentum : none.momentum)
+    momentum.setZero();
   for (const int c : halo->border_cells())
     if (order.empty(c))
-      moments[c] = {};
+      moments[c] = none;
   halo->share_cells(moments.data(), sizeof(CellMoments<Dim>));
 }
 
