@@ -5,9 +5,11 @@
     python3 tests/tools/compile_cost.py [COMPILER...]
 
 Memory, preprocessed lines and template instantiations (clang++ alone counts them) do not depend on
-what else the machine does: their budgets are tight. Seconds do, so twice the goal is the budget. A
-goal that is missed is printed as missed; above the budget the check fails. The same program with talus/precompiled.hpp must take at most 0.6 of
-the seconds, and must link and run with a file of talus/precompiled_definitions.hpp.
+the machine and on what else it does: their budgets are tight. Seconds do, so they are only printed,
+and the budget is a ratio: to the seconds of a file that includes Eigen/Dense and nothing else, the
+best of two each. A goal that is missed is printed as missed; above the budget the check fails. The
+same program with talus/precompiled.hpp must take at most 0.6 of the seconds, and must link and run
+with a file of talus/precompiled_definitions.hpp.
 """
 import json
 import os
@@ -20,7 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 EIGEN = os.environ.get("EIGEN3_INCLUDE_DIR", "/usr/include/eigen3")
 GOAL = {"MB": 600, "CPU seconds": 8}
-BUDGET = {"MB": 600, "CPU seconds": 2 * GOAL["CPU seconds"], "thousand lines": 150,
+BUDGET = {"MB": 600, "times the seconds of Eigen/Dense": 8, "thousand lines": 150,
           "thousand instantiations": 26, "of the seconds, with precompiled.hpp": 0.6}
 
 
@@ -50,8 +52,16 @@ def instantiations(trace):
 def cost(compiler, source, folder):
     lines = subprocess.run(compile_command(compiler, source, "-", "-E", "-P"), capture_output=True,
                            check=True).stdout.count(b"\n")
-    seconds, memory = run(compile_command(compiler, source, folder / "first.o", "-c"))
-    found = {"CPU seconds": seconds, "MB": memory, "thousand lines": lines / 1000}
+    eigen = folder / "eigen.cpp"
+    eigen.write_text("#include <Eigen/Dense>\n", encoding="utf-8")
+    times, eigen_times = [], []
+    for _ in range(2):
+        eigen_times.append(run(compile_command(compiler, eigen, folder / "eigen.o", "-c"))[0])
+        seconds, memory = run(compile_command(compiler, source, folder / "first.o", "-c"))
+        times.append(seconds)
+    seconds = min(times)
+    found = {"CPU seconds": seconds, "times the seconds of Eigen/Dense": seconds / min(eigen_times), "MB": memory,
+             "thousand lines": lines / 1000}
     if "clang" in compiler:
         run(compile_command(compiler, source, folder / "traced.o", "-c", "-ftime-trace",
                             "-ftime-trace-granularity=0"))
@@ -74,11 +84,12 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         for compiler in compilers:
             for what, value in cost(compiler, ROOT / "tests/docs/first.cpp", Path(folder)).items():
-                within = value <= BUDGET[what]
+                within = value <= BUDGET.get(what, value)
                 over += not within
-                missed = f"; goal {GOAL[what]} MISSED" if value > GOAL.get(what, value) else ""
-                print(f"{'ok     ' if within else 'FAILED '} {compiler}: {value:.3g} {what}"
-                      f" (budget {BUDGET[what]}{missed})")
+                missed = "MISSED" if value > GOAL.get(what, value) else "met"
+                limits = [f"budget {BUDGET[what]}"] if what in BUDGET else []
+                limits += [f"goal {GOAL[what]} {missed}"] if what in GOAL else []
+                print(f"{'ok     ' if within else 'FAILED '} {compiler}: {value:.3g} {what} ({'; '.join(limits)})")
     return 1 if over else 0
 
 

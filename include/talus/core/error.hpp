@@ -27,11 +27,32 @@ std::string text_of(const T& value) {
   return text.str();
 }
 
+/// A text as it is.
+inline const std::string& text_of(const std::string& text) {
+  return text;
+}
+inline std::string text_of(const char* text) {
+  return text;
+}
+
+namespace detail {
+
+[[noreturn]] inline void throw_invalid_text(std::string_view name, const std::string& value,
+                                            std::string_view allowed) {
+  throw std::invalid_argument(
+      std::string(name).append(" is ").append(value).append("; allowed: ").append(allowed));
+}
+
+} // namespace detail
+
 /// Throws std::invalid_argument: "`name` is `value`; allowed: `allowed`".
 template <class T>
 [[noreturn]] void throw_invalid(std::string_view name, const T& value, std::string_view allowed) {
-  throw std::invalid_argument(std::string(name) + " is " + text_of(value) +
-                              "; allowed: " + std::string(allowed));
+  detail::throw_invalid_text(name, text_of(value), allowed);
+}
+[[noreturn]] inline void throw_invalid(std::string_view name, const char* value,
+                                       std::string_view allowed) {
+  detail::throw_invalid_text(name, value, allowed);
 }
 
 /// "x = (0.1, 0.2) m": where a user's function was called. x: a point, m.
