@@ -25,6 +25,7 @@ namespace {
 struct Options {
   int per_axis = 3, threads = 1, skip = 20, steps = 20, wider = 1;
   double finer = 1;
+  bool slices = false;
 };
 
 /// Largest resident memory of this process so far, bytes.
@@ -32,6 +33,27 @@ double peak_memory() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+/// The slice along the channel of bed and column that this rank of several makes.
+Particles<3> slice(const CollapseSetup& setup, const Grid<3>& grid, const Seeding& seeding,
+                   int rank, int ranks) {
+  Particles<3> particles;
+  const auto fill = [&](double length, double bottom, double top) {
+    Vec<3> lower(length * rank / ranks, 0, bottom), upper(length * (rank + 1) / ranks, 0, top);
+    lower += grid.origin();
+    upper += grid.origin();
+    upper[1] = grid.upper()[1];
+    if (top > bottom)
+      fill_box(particles, grid, lower, upper, seeding);
+  };
+  fill(grid.size()[0], 0, setup.bed_depth);
+  fill(setup.column_length, setup.bed_depth, setup.bed_depth + setup.column_height);
+  const std::size_t first = static_cast<std::size_t>(rank) << 40; // ids of all ranks differ
+  for (std::size_t& id : particles.id)
+    id += first;
+  particles.next_id += first;
+  return particles;
 }
 
 nlohmann::json measure(const Options& options) {
@@ -48,7 +70,9 @@ nlohmann::json measure(const Options& options) {
   params.threads = options.threads;
   params.ranks = ranks;
   const Grid<3> grid(params.grid);
-  Sim sim(params, setup.particles<3>(grid, {.per_axis = options.per_axis}));
+  const Seeding seeding{.per_axis = options.per_axis};
+  Sim sim(params, options.slices ? slice(setup, grid, seeding, mpi->rank(), mpi->size())
+                                 : setup.particles<3>(grid, seeding));
   for (int i = 0; i < options.skip; ++i)
     static_cast<void>(sim.step());
   const auto before = mpi->counted;
@@ -103,6 +127,7 @@ int main(int argc, char** argv) {
   app.add_option("--wider", options.wider, "Channel widths of 6 cm: for weak scaling");
   app.add_option("--per-axis", options.per_axis, "Particles a cell and axis");
   app.add_option("--threads", options.threads, "Of each rank");
+  app.add_flag("--slices", options.slices, "Each rank makes a slice of the scene, for large ones");
   app.add_option("--skip", options.skip, "Steps before the measured ones");
   app.add_option("--steps", options.steps, "Measured steps");
   CLI11_PARSE(app, argc, argv);
