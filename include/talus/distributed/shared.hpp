@@ -103,6 +103,8 @@ class Shared {
   std::size_t steps() const { return part_->steps(); }
   const Vec<dimension>& gravity() const { return part_->gravity(); }
   const Params& params() const { return part_->params(); }
+  int materials() const { return part_->materials(); }
+  double density(int material) const { return part_->density(material); }
   const Grid<dimension>& grid() const { return grid_; } ///< the whole one
   const auto& bodies() const { return part_->bodies(); }
   decltype(auto) face_wrench(int axis, bool upper) const { return part_->face_wrench(axis, upper); }
