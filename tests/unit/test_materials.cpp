@@ -2,7 +2,7 @@
 // Several materials: what nodes make of them, and what is refused.
 
 #include "talus/diagnostics/checksum.hpp"
-#include "talus/diagnostics/particle_fields.hpp"
+#include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/totals.hpp"
 #include "talus/io/checkpoint.hpp"
 #include "talus/rheology/local_friction.hpp"
