@@ -25,14 +25,16 @@ using Fluids = support::OnRanks<talus::Simulation<2, talus::Materials<talus::Con
 } // namespace
 
 int main(int argc, char** argv) {
-  double width = 1, height = 0.5, amplitude = 0.015;              // m
+  double width = 1, height = 0.5, amplitude = 0.02;               // m
   double lower_density = 1000, density = 2000, time_step = 0.005; // kg/m³, s
   support::Scene scene("overturn", "Heavy material on light one turns over.");
   scene.cell = 0.02;
   scene.friction = 0;
   scene.run.end_time = 2;
   scene.run.snapshot_interval = 0.1;
+  scene.seeding.per_axis = 6;
   scene.seeding.jitter = 0;
+  scene.packing.even = true; // what has no friction is sheared without end
   scene.option("--width", width, "width_m", "Of the box, half a wave, m");
   scene.option("--height", height, "height_m", "Of the box, two layers, m");
   scene.option("--amplitude", amplitude, "amplitude_m", "Of the wave at the start, m");

@@ -9,6 +9,7 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -26,6 +27,7 @@ void check_layers(double lower_density, double upper_density, double mu, int ste
   using S = scenes::Mixed<Dim>;
   constexpr int up = up_axis<Dim>;
   auto params = scenes::box_for<S>({0.1, 0.06, 0.13}, {5, 3, 13}, 0);
+  params.solver.tolerance = 1e-7;
   params.rheology.list = {{.density = lower_density, .law = {.mu = mu}},
                           {.density = upper_density, .law = {.mu = mu / 2}}};
   Particles<Dim> particles;
@@ -37,7 +39,7 @@ void check_layers(double lower_density, double upper_density, double mu, int ste
   CHECK(largest_speed(sim) < 1e-4);
   const double area = Dim == 3 ? 0.1 * 0.06 : 0.1, g = 9.81;
   CHECK(-sim.face_wrench(up, false).force[up] ==
-        about((lower_density + upper_density) * g * 0.05 * area, 1e-4));
+        about((lower_density + upper_density) * g * 0.05 * area, 1e-6));
   for (int k = 1; k < 9; ++k) {
     double sum = 0, weights = 0;
     for (int n = 0; n < sim.grid().node_count(); ++n) {
@@ -51,8 +53,6 @@ void check_layers(double lower_density, double upper_density, double mu, int ste
       weights += sim.grid().node_volume(index);
     }
     const double above = std::min(0.05, 0.1 - 0.01 * k), below = 0.05 - std::min(0.05, 0.01 * k);
-    MESSAGE(k << " " << sum / weights << " "
-              << g * (upper_density * above + lower_density * below));
     CHECK(sum / weights == about(g * (upper_density * above + lower_density * below), 0.02));
   }
 }
@@ -60,19 +60,20 @@ void check_layers(double lower_density, double upper_density, double mu, int ste
 /// Amplitude of the wave cos(k x), k = π/W, of the interface of two fluids (μ = 0) that fill a
 /// closed box, over that at the start, by time. Each is half of the height.
 struct Wave {
-  static constexpr double width = 1, height = 0.5, start = 0.015; // m
+  static constexpr double width = 1, height = 0.5, start = 0.02; // m
   std::vector<double> time, amplitude;
 
   Wave(double lower_density, double upper_density, double seconds) {
     using S = scenes::Mixed<2>;
-    auto params = scenes::box_for<S>({width, 0, height}, {24, 0, 12}, 0);
+    auto params = scenes::box_for<S>({width, 0, height}, {32, 0, 16}, 0);
     params.faces = Faces<2>::all({FaceKind::free_slip});
     params.time_step = 0.01;
+    params.packing.even = true; // fluids are sheared without end
     params.rheology.list = {{.density = lower_density, .law = {.mu = 0}},
                             {.density = upper_density, .law = {.mu = 0}}};
     Particles<2> particles;
     fill_box<2>(particles, Grid<2>(params.grid), {0, 0}, {width, height},
-                {.per_axis = 4, .jitter = 0});
+                {.per_axis = 6, .jitter = 0});
     particles.resize_material(particles.size());
     for (std::size_t p = 0; p < particles.size(); ++p) {
       const Vec<2>& x = particles.position[p];
@@ -118,10 +119,12 @@ TEST_CASE("an interfacial wave has the frequency of theory") {
   while (n < wave.time.size() && wave.amplitude[n] > 0)
     ++n;
   REQUIRE(n < wave.time.size());
-  MESSAGE("quarter of a period " << wave.time[n] << " s, of theory " << quarter
-                                 << " s; at half of it " << wave.amplitude.back());
-  CHECK(wave.time[n] == about(quarter, 0.04));
-  CHECK(*std::min_element(wave.amplitude.begin(), wave.amplitude.end()) < -0.85);
+  const double lowest = *std::min_element(wave.amplitude.begin(), wave.amplitude.end());
+  MESSAGE("quarter of a period " << wave.time[n] << " s, of theory " << quarter << " s; to "
+                                 << lowest);
+  CHECK(wave.time[n] == about(quarter, 0.05));
+  CHECK(lowest < -0.95);
+  CHECK(lowest > -1.02);
 }
 
 TEST_CASE("heavy above light turns over as fast as theory has it") {
@@ -129,7 +132,7 @@ TEST_CASE("heavy above light turns over as fast as theory has it") {
   const Wave wave(1000, 2000, 1.5 / sigma);
   MESSAGE("grown by " << wave.amplitude.back() << ", of theory "
                       << std::cosh(sigma * wave.time.back()));
-  CHECK(wave.amplitude.back() == about(std::cosh(sigma * wave.time.back()), 0.08));
+  CHECK(wave.amplitude.back() == about(std::cosh(sigma * wave.time.back()), 0.05));
 }
 
 TEST_CASE("a slope holds where friction is above tan(theta), and slides where it is below") {
@@ -138,6 +141,7 @@ TEST_CASE("a slope holds where friction is above tan(theta), and slides where it
   auto params = scenes::box_for<S>({0.96, 0, 0.1}, {48, 0, 5}, 25);
   params.material.density = 1500;
   params.rheology.law = law;
+  params.faces.upper[0].kind = FaceKind::open; // nothing stops what slides
   S sim(params, scenes::block<2>(params.grid, 0, 0.96, 0, 0.06));
   while (sim.time() < 0.2)
     CHECK(sim.step().completed());
@@ -145,9 +149,9 @@ TEST_CASE("a slope holds where friction is above tan(theta), and slides where it
   const auto& particles = sim.particles();
   for (std::size_t p = 0; p < particles.size(); ++p) {
     const double x = particles.position[p][0];
-    if (x < 0.36)
+    if (x > 0.1 && x < 0.3)
       held = std::max(held, particles.velocity[p].norm());
-    if (x > 0.56 && x < 0.7 && particles.position[p][1] > 0.03) {
+    if (x > 0.6 && x < 0.8 && particles.position[p][1] > 0.03) {
       slid += particles.velocity[p][0];
       ++count;
     }

@@ -23,7 +23,8 @@
 #include <utility>
 
 using namespace talus;
-using scenes::Mixed, support::about, support::contains, support::Folder, support::message_of;
+using scenes::Mixed, scenes::mixed_collapse, scenes::two_columns, support::about, support::contains,
+    support::Folder, support::message_of;
 
 static_assert(Rheology<Materials<ConstantFriction>> && OfMaterials<Materials<MuOfI>> &&
               !OfMaterials<MuOfI>);
@@ -115,49 +116,6 @@ void check_nodes() {
     seen += volume[0] > 0 && volume[1] > 0 && volume[2] > 0 ? 1U : 0U;
   }
   CHECK(seen > 4);
-}
-
-/// Heavy, strong, cohesive material falls on and beside light, weak material; more of it comes in.
-template <int Dim>
-typename Mixed<Dim, WithCohesion<MuOfI>>::Params mixed_collapse() {
-  using S = Mixed<Dim, WithCohesion<MuOfI>>;
-  auto params = scenes::box_for<S>({0.3, 0.06, 0.18}, {15, 3, 9}, 0);
-  params.time_step = 2e-3;
-  params.friction_updates = 2;
-  const InertialNumber grains{.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
-  const auto law = [&](double mu) {
-    return MuOfI::Params{.law = {.mu_static = mu, .mu_limit = 2 * mu, .I_0 = 0.3},
-                         .inertial = grains};
-  };
-  params.rheology.list = {{.density = 900, .law = {.law = law(0.2), .cohesion = 0}},
-                          {.density = 2500, .law = {.law = law(0.4), .cohesion = 40}}};
-  Vec<Dim> lower = Vec<Dim>::Zero(), upper = Vec<Dim>::Zero();
-  lower[0] = 0.2;
-  upper[0] = 0.26;
-  if (Dim == 3)
-    upper[1] = 0.06;
-  lower[up_axis<Dim>] = upper[up_axis<Dim>] = 0.16;
-  Vec<Dim> velocity = Vec<Dim>::Zero();
-  velocity[up_axis<Dim>] = -0.5;
-  params.exchange = make_source<Dim>(Grid<Dim>(params.grid), {.lower = lower,
-                                                              .upper = upper,
-                                                              .velocity = velocity,
-                                                              .time = {.end = 0.05},
-                                                              .seeding = {.material = 1}});
-  return params;
-}
-
-template <int Dim>
-Particles<Dim> two_columns(const GridParams<Dim>& grid) {
-  Particles<Dim> particles;
-  for (const int m : {0, 1}) {
-    Vec<Dim> lower = Vec<Dim>::Zero(), upper = grid.size;
-    upper[0] = 0.1;
-    lower[up_axis<Dim>] = 0.06 * m;
-    upper[up_axis<Dim>] = 0.06 * (m + 1);
-    fill_box(particles, Grid<Dim>(grid), lower, upper, {.per_axis = 2, .material = m});
-  }
-  return particles;
 }
 
 template <int Dim>

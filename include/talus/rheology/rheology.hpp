@@ -24,6 +24,11 @@ concept OfMaterials = requires(const R r, int m) {
   r.law(m);
 };
 
+/// Is it SeesFlow or OfMaterials? Not a concept: compilers would tell of each piece that is
+/// missing.
+template <class R>
+inline constexpr bool sees_more = OfMaterials<R> || SeesFlow<R, 2> || SeesFlow<R, 3>;
+
 /// The friction law of the medium. A model R has
 ///   - `R::Params`, an aggregate that R is constructible from;
 ///   - `R::rate_dependent` (bool): if false, friction(I) must not depend on I, and the inertial
@@ -39,13 +44,12 @@ concept OfMaterials = requires(const R r, int m) {
 template <class R>
 concept Rheology = std::constructible_from<R, const typename R::Params&> && requires {
   { R::rate_dependent } -> std::convertible_to<bool>;
-} &&(OfMaterials<R> || SeesFlow<R, 2> || SeesFlow<R, 3> ||
+} &&(sees_more<R> ||
      requires(const R r, double inertial_number) {
        { r.friction(inertial_number) } -> std::convertible_to<double>;
      }) &&
-    (!R::rate_dependent || OfMaterials<R> || SeesFlow<R, 2> || SeesFlow<R, 3> ||
-     requires(const R r) {
-       { r.inertial_number() } -> std::convertible_to<InertialNumber>;
-     });
+    (sees_more<R> || !R::rate_dependent || requires(const R r) {
+      { r.inertial_number() } -> std::convertible_to<InertialNumber>;
+    });
 
 } // namespace talus
