@@ -78,12 +78,12 @@ int main(int argc, char** argv) {
       if (run.sample_due())
         waves.row(run.time(), wave(sim.particles()), theory(run.time()));
 
-    // as long as the wave is flat, k a < 0.3
+    // as long as the wave is flat, k a < 0.2
     std::vector<double> time, linear;
     double error = 0;
     for (std::size_t i = 0; i < waves["time_s"].size(); ++i) {
       const double a = waves["theory_m"][i];
-      if (std::abs(a) > 0.3 / k)
+      if (std::abs(a) > 0.2 / k)
         break;
       time.push_back(waves["time_s"][i]);
       linear.push_back(a);

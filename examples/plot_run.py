@@ -77,7 +77,7 @@ class Picture:
             axes = self.axes(LEFT + column * (width + GAP), top + row * (height + 0.6), width, height)
             mesh = axes.pcolormesh(x, z, speed, norm=norm, cmap=SPEED, shading="nearest",
                                    rasterized=True)
-            if speed.count() > 0:
+            if 0 < speed.count() < speed.size:
                 axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5],
                              colors="black", linewidths=1)
             for fraction in self.fractions[k]:

@@ -136,7 +136,7 @@ TEST_CASE("heavy above light turns over as fast as theory has it") {
 }
 
 TEST_CASE("a slope holds where friction is above tan(theta), and slides where it is below") {
-  const auto law = [](const FlowState<2>& at) { return at.position[0] < 0.48 ? 0.7 : 0.2; };
+  const auto law = [](const FlowState<2>& at) { return at.position[0] < 0.48 ? 1 : 0.2; };
   using S = Simulation<2, LocalFriction<decltype(law)>, PolyPic, GaussSeidel<>>;
   auto params = scenes::box_for<S>({0.96, 0, 0.1}, {48, 0, 5}, 25);
   params.material.density = 1500;
@@ -149,7 +149,7 @@ TEST_CASE("a slope holds where friction is above tan(theta), and slides where it
   const auto& particles = sim.particles();
   for (std::size_t p = 0; p < particles.size(); ++p) {
     const double x = particles.position[p][0];
-    if (x > 0.1 && x < 0.3)
+    if (x < 0.24) // the edge of what holds crumbles
       held = std::max(held, particles.velocity[p].norm());
     if (x > 0.6 && x < 0.8 && particles.position[p][1] > 0.03) {
       slid += particles.velocity[p][0];
@@ -159,6 +159,6 @@ TEST_CASE("a slope holds where friction is above tan(theta), and slides where it
   const double angle = 25 * std::numbers::pi / 180;
   const double free = 9.81 * (std::sin(angle) - 0.2 * std::cos(angle)) * sim.time();
   MESSAGE("holds: " << held << " m/s; slides: " << slid / count << " m/s, of theory " << free);
-  CHECK(held < 0.01);
-  CHECK(slid / count == about(free, 0.1));
+  CHECK(held < 1e-3);
+  CHECK(slid / count == about(free, 0.03));
 }
