@@ -37,7 +37,6 @@ int main(int argc, char** argv) {
   double length = 0.1, height = 0.15, share = 0.5;                    // m
   double lower_friction = 0.75, lower_density = 1520, density = 1470; // kg/m³
   support::Scene scene("layers", "A column of two materials collapses: beads on granules.");
-  scene.cell = 0.005;
   scene.run.end_time = 1;
   scene.option("--column-length", length, "column_length_m", "m");
   scene.option("--column-height", height, "column_height_m", "m");
