@@ -35,8 +35,7 @@ static_assert(has_cohesion<Materials<WithCohesion<MuOfI>>>() && !has_cohesion<Ma
 
 namespace {
 
-const auto of_the_place = [](const auto& at) { return 0.2 + at.position[0]; };
-using OfThePlace = LocalFriction<decltype(of_the_place)>;
+using OfThePlace = LocalFriction<decltype([](const auto& at) { return 0.2 + at.position[0]; })>;
 static_assert(Rheology<OfThePlace> && SeesFlow<OfThePlace, 2> && SeesFlow<OfThePlace, 3>);
 static_assert(Rheology<WithCohesion<OfThePlace>> && Rheology<Materials<OfThePlace>>);
 
