@@ -25,6 +25,7 @@ import numpy as np
 from plotting import SPEED, at_time, choose_times, read_sections, round_ticks, run, section_image
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
+INTERFACE = "#D55E00"  # between materials
 WIDTH = 12.0  # inches, at 100 dots each
 LEFT, RIGHT, GAP = 1.0, 1.25, 0.75
 
@@ -41,6 +42,9 @@ class Picture:
             table = read_sections(directory / "sections.csv")
             times = choose_times(np.unique(table["time_s"]), None, 4)
             self.images = [(t, section_image(at_time(table, t))) for t in times]
+            names = [name for name in table if name.startswith("material_")]
+            self.fractions = [[section_image(at_time(table, t), value=name)[2] for name in names]
+                              for t in times]
             _, (x, z, _) = self.images[0]
             if z[-1] - z[0] > 8 * (x[-1] - x[0]):  # a column one cell wide shows nothing
                 self.images = []
@@ -73,9 +77,12 @@ class Picture:
             axes = self.axes(LEFT + column * (width + GAP), top + row * (height + 0.6), width, height)
             mesh = axes.pcolormesh(x, z, speed, norm=norm, cmap=SPEED, shading="nearest",
                                    rasterized=True)
-            if speed.count() > 0:
+            if 0 < speed.count() < speed.size:
                 axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5],
                              colors="black", linewidths=1)
+            for fraction in self.fractions[k]:
+                if fraction.count() > 0 and fraction.min() < 0.5 < fraction.max():
+                    axes.contour(x, z, fraction, [0.5], colors=INTERFACE, linewidths=1.5)
             for outline in self.picture.get("outlines", []):
                 axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
             axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal")

@@ -39,7 +39,8 @@ def read_table(path, columns, optional=()):
 
 def read_sections(path, row=None):
     """The table sections.csv, of one row across: the one at y = row (m), else the middle one."""
-    table = read_table(path, ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"], ["y_m"])
+    table = read_table(path, ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"],
+                       ["y_m", *(f"material_{m}_fraction" for m in range(1, 10))])
     if "y_m" not in table:  # 2-D
         return table
     y = np.unique(table["y_m"])
@@ -87,14 +88,14 @@ def refined(x, z, fraction, speed, factor=8):
     return fine_x, fine_z, np.ma.masked_where(~(weight >= 0.5), fine_speed)
 
 
-def section_image(section, factor=8):
-    """The speed of a section (m/s) on a refined grid, masked outside the material."""
+def section_image(section, factor=8, value="speed_m_s"):
+    """A column of a section on a refined grid, masked outside the material."""
     x, column = np.unique(section["x_m"].round(9), return_inverse=True)
     z, row = np.unique(section["z_m"].round(9), return_inverse=True)
-    fraction, speed = np.zeros((len(z), len(x))), np.zeros((len(z), len(x)))
+    fraction, values = np.zeros((len(z), len(x))), np.zeros((len(z), len(x)))
     fraction[row, column] = section["volume_fraction"]
-    speed[row, column] = section["speed_m_s"]
-    return refined(x, z, fraction, speed, factor)
+    values[row, column] = section[value]
+    return refined(x, z, fraction, values, factor)
 
 
 def round_ticks(highest, gap=0.11):

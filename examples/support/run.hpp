@@ -410,7 +410,7 @@ class Run {
     constexpr const char* names[] = {"x", "y", "z"};
     return names[axis == dimension - 1 ? 2 : axis];
   }
-  static std::vector<std::string> section_columns() {
+  std::vector<std::string> section_columns() const {
     std::vector<std::string> names{"time_s"};
     for (int a = 0; a < dimension; ++a)
       names.push_back(axis_name(a) + std::string("_m"));
@@ -422,6 +422,8 @@ class Run {
       for (int b = a; b < dimension; ++b)
         names.push_back("stress_" + std::string(axis_name(a)) + axis_name(b) + "_Pa");
     names.emplace_back("strain_rate_1_s");
+    for (int m = 1; m < sim_.materials(); ++m)
+      names.push_back("material_" + std::to_string(m) + "_fraction");
     return names;
   }
 
@@ -448,6 +450,8 @@ class Run {
             for (int b = a; b < dimension; ++b)
               row.push_back(stress(a, b));
           row.push_back(strain_rate.norm(node));
+          for (int m = 1; m < sim_.materials(); ++m)
+            row.push_back(sim_.material_fraction(node, m));
           sections_->row(row);
         }
   }
@@ -479,14 +483,16 @@ class Run {
     const auto at_particles = [&](const char* field_name, const auto& value) {
       return talus::vtk_field(field_name, talus::at_particles(sim_, value));
     };
-    talus::write_vtk_particles<dimension>(
-        particles, sim_.particles().position,
-        {talus::vtk_field("id", sim_.particles().id),
-         talus::vtk_field("velocity", sim_.particles().velocity),
-         talus::vtk_field("volume", sim_.particles().volume),
-         at_particles("stress", [&](const Node& n) { return sim_.stress(n); }),
-         at_particles("pressure", [&](const Node& n) { return sim_.pressure(n); }),
-         at_particles("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })});
+    std::vector<talus::VtkField> of_particles{
+        talus::vtk_field("id", sim_.particles().id),
+        talus::vtk_field("velocity", sim_.particles().velocity),
+        talus::vtk_field("volume", sim_.particles().volume),
+        at_particles("stress", [&](const Node& n) { return sim_.stress(n); }),
+        at_particles("pressure", [&](const Node& n) { return sim_.pressure(n); }),
+        at_particles("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })};
+    if (sim_.materials() > 1)
+      of_particles.push_back(talus::vtk_field("material", sim_.particles().material));
+    talus::write_vtk_particles<dimension>(particles, sim_.particles().position, of_particles);
     particle_series_->add(time(), particles);
     Node nodes;
     for (int a = 0; a < dimension; ++a)
@@ -494,15 +500,19 @@ class Run {
     const auto field = [&](const char* field_name, const auto& value) {
       return talus::vtk_node_field<dimension>(field_name, nodes, value);
     };
-    talus::write_vtk_cells<dimension>(
-        grid, sim_.grid().origin(), sim_.grid().spacing(), nodes,
-        {field("volume_fraction", [&](const Node& n) { return sim_.volume_fraction(n); }),
-         field("velocity", [&](const Node& n) { return sim_.velocity(n); }),
-         field("stress", [&](const Node& n) { return sim_.stress(n); }),
-         field("pressure", [&](const Node& n) { return sim_.pressure(n); }),
-         field("strain_rate", [&](const Node& n) { return strain_rate(n); }),
-         field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })},
-        [&](const Node& n) { return sim_.volume_fraction(n) > 0; });
+    std::vector<talus::VtkField> of_nodes{
+        field("volume_fraction", [&](const Node& n) { return sim_.volume_fraction(n); }),
+        field("velocity", [&](const Node& n) { return sim_.velocity(n); }),
+        field("stress", [&](const Node& n) { return sim_.stress(n); }),
+        field("pressure", [&](const Node& n) { return sim_.pressure(n); }),
+        field("strain_rate", [&](const Node& n) { return strain_rate(n); }),
+        field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })};
+    for (int m = 1; m < sim_.materials(); ++m)
+      of_nodes.push_back(field(("material_" + std::to_string(m) + "_fraction").c_str(),
+                               [&](const Node& n) { return sim_.material_fraction(n, m); }));
+    talus::write_vtk_cells<dimension>(grid, sim_.grid().origin(), sim_.grid().spacing(), nodes,
+                                      of_nodes,
+                                      [&](const Node& n) { return sim_.volume_fraction(n) > 0; });
     grid_series_->add(time(), grid);
   }
 

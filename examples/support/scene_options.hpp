@@ -96,7 +96,8 @@ typename Sim::Params box_params(const SceneOptions& options, const talus::Vec<3>
   params.faces.lower[up] = {talus::FaceKind::no_slip};
   params.faces.upper[up] = {talus::FaceKind::open};
   params.gravity = -gravity * talus::Vec<Dim>::Unit(up);
-  params.material.density = options.density;
+  if constexpr (!requires { params.rheology.list; }) // of several materials
+    params.material.density = options.density;
   params.time_step = options.time_step.value_or(0.05 * std::sqrt(options.cell / gravity));
   if constexpr (requires { params.rheology.mu; })
     params.rheology.mu = options.friction;

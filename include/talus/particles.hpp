@@ -28,6 +28,7 @@ struct Particles {
   /// #p; empty: all zero. Only a transfer that carries them (PolyPic) fills it.
   std::vector<MixedDerivatives<Dim, Real>> mixed;
   std::vector<Real> volume;    ///< V_p, #p, m^d: material volume at the dense packing
+  std::vector<int> material;   ///< #p, index into a list of materials; empty: all 0. See Materials
   std::vector<std::size_t> id; ///< #p, all different
   std::size_t next_id = 0;     ///< of the next particle: what left keeps its number for ever
 
@@ -43,6 +44,8 @@ struct Particles {
     if (!mixed.empty())
       resize_mixed(count);
     volume.resize(count, Real(0));
+    if (!material.empty())
+      resize_material(count);
     const std::size_t before = id.size();
     id.resize(count);
     for (std::size_t p = before; p < count; ++p)
@@ -52,14 +55,21 @@ struct Particles {
   /// Gives each of `count` particles mixed derivatives; zero if it has none yet.
   void resize_mixed(std::size_t count) { mixed.resize(count, MixedDerivatives<Dim, Real>::Zero()); }
 
-  /// Adds one particle: x (m), v (m/s), volume (m^d).
-  void add(const Vec<Dim>& x, const Vec<Dim>& v, double material_volume) {
+  /// Gives each of `count` particles a material; 0 if it has none yet.
+  void resize_material(std::size_t count) { material.resize(count); }
+
+  /// Adds one particle: x (m), v (m/s), volume (m^d), index of its material.
+  void add(const Vec<Dim>& x, const Vec<Dim>& v, double material_volume, int of_material = 0) {
     position.push_back(x);
     velocity.push_back(v.template cast<Real>());
     affine.push_back(Mat<Dim, Real>::Zero());
     if (!mixed.empty())
       resize_mixed(position.size());
     volume.push_back(static_cast<Real>(material_volume));
+    if (of_material != 0 || !material.empty()) {
+      resize_material(position.size());
+      material.back() = of_material;
+    }
     id.push_back(next_id++);
   }
 
@@ -73,6 +83,8 @@ struct Particles {
                       ? MixedDerivatives<Dim, Real>(MixedDerivatives<Dim, Real>::Zero())
                       : other.mixed[from];
     volume[to] = other.volume[from];
+    if (!material.empty())
+      material[to] = other.material.empty() ? 0 : other.material[from];
     id[to] = other.id[from];
   }
 };

@@ -20,6 +20,7 @@
 #include "talus/packing.hpp"
 #include "talus/particles.hpp"
 #include "talus/rheology/cohesion.hpp"
+#include "talus/rheology/flow_state.hpp"
 #include "talus/rheology/inertial_number.hpp"
 #include "talus/rheology/rheology.hpp"
 #include "talus/rheology/viscosity.hpp"
@@ -44,6 +45,7 @@
 #include "talus/transfer/cell_order.hpp"
 #include "talus/transfer/cells_to_nodes.hpp"
 #include "talus/transfer/grid_to_particles.hpp"
+#include "talus/transfer/material_volumes.hpp"
 #include "talus/transfer/shifting.hpp"
 #include "talus/transfer/transfer_scheme.hpp"
 
@@ -82,7 +84,7 @@ class Simulation {
 
   struct Params {
     GridParams<Dim> grid{};
-    Material material{};
+    Material material{}; ///< a rheology OfMaterials has densities itself
     Vec<Dim> gravity = Vec<Dim>::Constant(not_given); ///< m/s², at the start
     double time_step = 0;                             ///< δt, s; > 0; the largest one if cfl > 0
     /// Largest share of a cell that material, bodies and obstacles may cross in a step along any
@@ -117,13 +119,18 @@ class Simulation {
       : params_(std::move(params)),
         execution_(params_.threads, params_.ranks ? &params_.ranks->communicator() : nullptr),
         rheology_(params_.rheology), transfer_(params_.transfer), solver_(params_.solver) {
+    check_materials(particles, materials());
     if (params_.ranks)
       params_.ranks->deal(params_.grid, params_.faces.periodic(), particles);
     use_window();
     state_.time_step = params_.time_step;
     state_.gravity = params_.gravity;
     state_.particles = std::move(particles);
-    require_positive("material.density", params_.material.density);
+    if constexpr (!OfMaterials<RheologyT>)
+      require_positive("material.density", params_.material.density);
+    else if (params_.material.density != 0)
+      throw_invalid("material.density", params_.material.density,
+                    "nothing: the densities of several materials stand in the rheology's list");
     require_positive("time_step", params_.time_step);
     require_non_negative("cfl", params_.cfl);
     if (params_.friction_updates < 1)
@@ -133,10 +140,13 @@ class Simulation {
     params_.packing.validate();
     check_gravity("gravity", params_.gravity);
     params_.faces.validate();
-    if constexpr (RheologyT::rate_dependent)
-      InertialNumber(rheology_.inertial_number()).validate();
-    if constexpr (Cohesive<RheologyT>)
-      require_non_negative("rheology.cohesion()", rheology_.cohesion());
+    if constexpr (OfMaterials<RheologyT>)
+      for (int m = 0; m < materials(); ++m) {
+        require_positive("rheology.density(" + std::to_string(m) + ")", rheology_.density(m));
+        check_law(rheology_.law(m));
+      }
+    else
+      check_law(rheology_);
     if constexpr (Viscous<RheologyT>)
       require_non_negative("rheology.viscosity()", rheology_.viscosity());
     params_.viscous.validate();
@@ -146,6 +156,10 @@ class Simulation {
     if (grid_.any_periodic() && !params_.bodies.empty())
       throw_invalid("the number of free bodies in a box with periodic faces", params_.bodies.size(),
                     "0");
+    if (params_.exchange && params_.exchange->materials() > materials())
+      throw_invalid("the material of a source", params_.exchange->materials() - 1,
+                    "0 to " + std::to_string(materials() - 1) +
+                        ": indices into the list of materials");
     check_particles(state_.particles, grid_);
     check_overfilled(state_.particles, grid_, params_.packing.densest, &problem_.copies,
                      &execution_);
@@ -207,7 +221,7 @@ class Simulation {
       report.viscous =
           viscous_solver_.solve(problem_, fields_.material_volume, rheology_.viscosity(),
                                 params_.viscous, state_.time_step, execution_);
-    add_cohesion_shift(rheology_, problem_, state_.time_step);
+    add_cohesion_shift(rheology_, problem_, state_.time_step, fields_.volume_by_material.data());
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
     solve(report);
@@ -254,6 +268,20 @@ class Simulation {
   std::size_t steps() const { return state_.steps; }
   const Vec<Dim>& gravity() const { return state_.gravity; } ///< of the next step, m/s²
   const Params& params() const { return params_; }
+  /// How many materials there are; 1 if the rheology has no list of them.
+  int materials() const {
+    if constexpr (OfMaterials<RheologyT>)
+      return rheology_.materials();
+    else
+      return 1;
+  }
+  /// ρ of a material, kg/m³.
+  double density([[maybe_unused]] int material) const {
+    if constexpr (OfMaterials<RheologyT>)
+      return rheology_.density(material);
+    else
+      return params_.material.density;
+  }
   const Grid<Dim>& grid() const { return grid_; }
   const ParticleData& particles() const { return state_.particles; }
   /// Place and velocities of the free bodies, in the order of params().bodies.
@@ -291,6 +319,7 @@ class Simulation {
   /// Throws std::invalid_argument, and changes nothing, if a particle is refused (see the
   /// constructor) or the state does not fit the grid.
   void restore(SimulationState<Dim, ParticleReal> state) {
+    check_materials(state.particles, materials());
     if (params_.ranks) {
       check_state(state, boundaries(Grid<Dim>(params_.grid, params_.faces.periodic())));
       restore_part(params_.ranks->part_of(std::move(state)));
@@ -318,6 +347,7 @@ class Simulation {
   /// would be filled twice; see the constructor.
   void add(const ParticleData& more) {
     require_whole();
+    check_materials(more, materials());
     check_particles(more, grid_);
     ParticleData& particles = state_.particles;
     const std::size_t first_id = particles.next_id;
@@ -390,6 +420,17 @@ class Simulation {
     return fields_.inertial_number[node_number(node)];
   }
 
+  /// V_im/V_i: which part of the material at a node is of this one; 0 where there is none.
+  double material_fraction(const Index<Dim>& node, int material) const {
+    require_step("material_fraction");
+    const int j = node_number(node);
+    const double all = fields_.material_volume[j];
+    if constexpr (OfMaterials<RheologyT>)
+      return all > 0 ? volumes_by_material(j)[material] / all : 0;
+    else
+      return all > 0 && material == 0 ? 1 : 0;
+  }
+
   /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I. After a
   /// step that was not completed its cones are those of that step.
   const DualProblem<Dim>& problem() const {
@@ -453,6 +494,14 @@ class Simulation {
                     "at least 1: it belongs to the last step");
   }
 
+  template <class Law>
+  static void check_law(const Law& law) {
+    if constexpr (Law::rate_dependent && !SeesFlow<Law, Dim>)
+      InertialNumber(law.inertial_number()).validate();
+    if constexpr (Cohesive<Law>)
+      require_non_negative("rheology.cohesion()", law.cohesion());
+  }
+
   /// Sizes all for the nodes that this rank has.
   void use_window() {
     const SmallArray<bool, Dim> periodic = params_.faces.periodic();
@@ -507,7 +556,10 @@ class Simulation {
   }
 
   double node_mass(int node) const {
-    return params_.material.density * fields_.material_volume[node];
+    if constexpr (OfMaterials<RheologyT>)
+      return fields_.mass[node];
+    else
+      return params_.material.density * fields_.material_volume[node];
   }
 
   /// m_i, u*_i and φ_i from the particles.
@@ -515,11 +567,28 @@ class Simulation {
     ParticleData& particles = state_.particles;
     if constexpr (TransferT::field == ParticleField::multilinear)
       particles.resize_mixed(particles.size());
+    if constexpr (OfMaterials<RheologyT>)
+      particles.resize_material(particles.size());
     work_.order.update(particles, grid_, execution_);
-    all_cell_moments<TransferT::field>(particles, work_.order, grid_, execution_, work_.moments,
-                                       params_.packing.even, problem_.copies.halo());
+    const Halo* const halo = problem_.copies.halo();
+    const auto add_moments = [&](const auto&... density) {
+      all_cell_moments<TransferT::field>(particles, work_.order, grid_, execution_, work_.moments,
+                                         params_.packing.even, halo, density...);
+    };
+    if constexpr (OfMaterials<RheologyT>)
+      add_moments([&](std::size_t p) { return rheology_.density(particles.material[p]); });
+    else
+      add_moments();
     cells_to_nodes(work_.moments, work_.order, grid_, node_order_.nodes(), execution_,
                    fields_.material_volume, work_.velocity_before);
+    if constexpr (OfMaterials<RheologyT>) {
+      material_corner_volumes(particles, work_.order, grid_, materials(), execution_,
+                              work_.corner_volumes, halo);
+      materials_to_nodes(
+          work_.corner_volumes, materials(), [&](int m) { return rheology_.density(m); },
+          work_.order, grid_, node_order_.nodes(), execution_, fields_.material_volume,
+          fields_.volume_by_material, fields_.mass, work_.velocity_before);
+    }
     problem_.copies.copy(fields_.material_volume, execution_);
     problem_.copies.copy(work_.velocity_before, execution_);
     problem_.velocity.resize(work_.velocity_before.size());
@@ -565,7 +634,7 @@ class Simulation {
     for_each_cone([&](std::size_t i) { work_.cone[problem_.node[i]] = static_cast<int>(i); });
     solids_.find(grid_, work_.cone, cones);
     // Cohesion would hang what is below a surface on the air above it.
-    const bool surfaces = params_.packing.surfaces && !Cohesive<RheologyT>;
+    const bool surfaces = params_.packing.surfaces && !has_cohesion<RheologyT>();
     const Room<Dim> room{params_.faces,    params_.packing, surfaces, stencil_,
                          state_.time_step, fields_,         work_,    problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
@@ -589,19 +658,39 @@ class Simulation {
     problem_.opening[i] = friction(i);
   }
 
+  /// V_jm, #materials.
+  const double* volumes_by_material(int node) const {
+    return fields_.volume_by_material.data() + std::ptrdiff_t{node} * materials();
+  }
+
   /// μ̃_i from the velocities and the stress that the problem has.
   double friction(std::size_t i) {
     const int j = problem_.node[i];
-    if constexpr (RheologyT::rate_dependent)
-      fields_.inertial_number[j] = cone_inertial_number(
-          rheology_, problem_, stencil_, i, fields_.material_volume[j], state_.time_step);
-    return cone_friction<Dim>(rheology_.friction(fields_.inertial_number[j]));
+    if constexpr (OfMaterials<RheologyT> || SeesFlow<RheologyT, Dim>) {
+      FlowState<Dim> flow =
+          cone_flow(problem_, stencil_, i, fields_.material_volume[j], state_.time_step);
+      flow.position = grid_.node_position(j);
+      const bool dense = problem_.free_volume_rate[i] <= 0;
+      FlowFriction found;
+      if constexpr (OfMaterials<RheologyT>)
+        found = flow_friction(rheology_, flow, dense, volumes_by_material(j));
+      else
+        found = flow_friction(rheology_, flow, dense);
+      fields_.inertial_number[j] = found.inertial_number;
+      return cone_friction<Dim>(found.friction);
+    } else {
+      if constexpr (RheologyT::rate_dependent)
+        fields_.inertial_number[j] = cone_inertial_number(
+            rheology_, problem_, stencil_, i, fields_.material_volume[j], state_.time_step);
+      return cone_friction<Dim>(rheology_.friction(fields_.inertial_number[j]));
+    }
   }
 
   /// Takes μ_i from the velocities and stresses of the last solve. Returns false if they would not
   /// change enough for another one.
   bool update_friction(StepReport& report) {
-    remove_cohesion_shift(rheology_, problem_, state_.time_step);
+    const double* const volumes = fields_.volume_by_material.data();
+    remove_cohesion_shift(rheology_, problem_, state_.time_step, volumes);
     friction_iteration_.next.resize(problem_.cones());
     for_each_cone([&](std::size_t i) { friction_iteration_.next[i] = friction(i); });
     const double change = friction_iteration_.change(problem_, execution_);
@@ -613,13 +702,14 @@ class Simulation {
       friction_iteration_.update(problem_);
       ++report.friction_updates;
     }
-    add_cohesion_shift(rheology_, problem_, state_.time_step);
+    add_cohesion_shift(rheology_, problem_, state_.time_step, volumes);
     return update;
   }
 
   /// Solves the dual problem, or says why not.
   void solve(StepReport& report) {
-    report.invalid_friction = count_invalid_friction(rheology_, problem_, execution_, work_.counts);
+    report.invalid_friction = count_invalid_friction(rheology_, problem_, execution_, work_.counts,
+                                                     fields_.volume_by_material.data());
     if (report.invalid_friction > 0) {
       report.solve.status = SolveStatus::not_finite;
       return;
@@ -669,7 +759,8 @@ class Simulation {
     for_each_cone([&](std::size_t i) {
       Vec<cone_size>& stress = state_.stress_impulse[problem_.node[i]];
       stress = problem_.stress_impulse[i];
-      stress[0] -= cone_apex(rheology_, problem_, state_.time_step, i);
+      stress[0] -=
+          cone_apex(rheology_, problem_, state_.time_step, i, fields_.volume_by_material.data());
     });
     problem_.copies.copy(state_.stress_impulse, execution_);
     state_.contacts.resize(problem_.contacts.size());
@@ -711,6 +802,7 @@ class Simulation {
     Turnover turnover;
     torn_ = true;
     params_.exchange->exchange(state_.time, end, execution_, state_.particles, turnover);
+    check_materials(state_.particles, materials());
     torn_ = false;
     execution_.join(&turnover.inflow, 1);
     execution_.join(&turnover.outflow, 1);

@@ -53,6 +53,8 @@
 #include "talus/rheology/cohesion.hpp"
 #include "talus/rheology/friction_law.hpp"
 #include "talus/rheology/laws.hpp"
+#include "talus/rheology/local_friction.hpp"
+#include "talus/rheology/materials.hpp"
 #include "talus/rheology/rheology.hpp"
 #include "talus/rheology/viscosity.hpp"
 #include "talus/scene/blue_noise.hpp"

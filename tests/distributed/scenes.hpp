@@ -3,6 +3,7 @@
 
 #include "../physics/scenes.hpp"
 #include "../support/collapse.hpp"
+#include "../support/materials.hpp"
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/shapes.hpp"
@@ -115,6 +116,15 @@ Scene<Chute<Dim>> chute() {
   for (std::size_t p = 0; p < scene.particles.size(); ++p)
     if (scene.particles.position[p][0] < 0.05)
       scene.particles.velocity[p][0] = 0.2;
+  return scene;
+}
+
+/// Two materials with cohesion, of which one comes in, too.
+template <int Dim>
+Scene<Mixed<Dim, WithCohesion<MuOfI>>> materials() {
+  Scene<Mixed<Dim, WithCohesion<MuOfI>>> scene;
+  scene.params = mixed_collapse<Dim>();
+  scene.particles = two_columns<Dim>(scene.params.grid);
   return scene;
 }
 

@@ -171,6 +171,11 @@ TEST_CASE("ranks: sand comes in and goes out") {
   check_scene(scenes::fountain<3>(), steps_for_ranks(100));
 }
 
+TEST_CASE("ranks: several materials") {
+  check_scene(scenes::materials<2>(), steps_for_ranks(100));
+  check_scene(scenes::materials<3>(), steps_for_ranks(60));
+}
+
 TEST_CASE("ranks: the grid is dealt again when the load has moved") {
   // once at the start and once for the restored state
   CHECK((check_scene(scenes::sliding_block<2>(), 120) > 2) == (mpi->size() > 1));
@@ -387,6 +392,10 @@ TEST_CASE("pieces: a run goes on from them on any ranks, 3-D") {
 }
 TEST_CASE("pieces: a periodic run goes on from them") {
   check_pieces(scenes::chute<2>(), 20);
+}
+
+TEST_CASE("pieces: a run of several materials goes on from them") {
+  check_pieces(scenes::materials<2>(), 20);
 }
 
 TEST_CASE("pieces: a checkpoint replaces the one before, and what was left of others") {

@@ -29,6 +29,8 @@ std::uint64_t state_fingerprint(const Particles<Dim, Real>& particles) {
     if (!particles.mixed.empty())
       add_all(particles.mixed[p]);
     fingerprint.add(std::bit_cast<std::uint64_t>(static_cast<double>(particles.volume[p])));
+    if (!particles.material.empty())
+      fingerprint.add(static_cast<std::uint64_t>(particles.material[p]));
     const std::uint64_t bits = fingerprint.value(); // of FNV the high ones hang on few low ones
     sum += (bits ^ (bits >> 32U)) * 0x9e3779b97f4a7c15U;
   }

@@ -27,6 +27,14 @@ double total_volume(const Particles<Dim, Real>& particles) {
   return volume_sum(particles, [](std::size_t) { return 1; });
 }
 
+/// Σ V_p of the particles of one material, m^d. material: its index, see Materials.
+template <int Dim, class Real>
+double total_volume(const Particles<Dim, Real>& particles, int material) {
+  return volume_sum(particles, [&](std::size_t p) {
+    return (particles.material.empty() ? 0 : particles.material[p]) == material ? 1 : 0;
+  });
+}
+
 /// Σ V_p x_p / Σ V_p, m; not a number without particles.
 template <int Dim, class Real>
 Vec<Dim> centre_of_mass(const Particles<Dim, Real>& particles) {

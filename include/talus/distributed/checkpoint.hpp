@@ -87,7 +87,7 @@ PieceEntry write_piece(const std::filesystem::path& path, const Sim& sim, std::s
   out.text(std::string(piece_format) + "\n");
   out.line("piece", generation, all.rank());
   out.line("mixed derivatives", state.particles.mixed.empty() ? 0 : 1);
-  talus::detail::put_particles(file, state.particles);
+  talus::detail::put_particles(file, state.particles, sim.materials());
   for_each_stress([&](const Index<dim>& index, const auto& stress) {
     put_index(out, index);
     out.raw(stress);
@@ -106,7 +106,7 @@ PieceEntry write_piece(const std::filesystem::path& path, const Sim& sim, std::s
 /// Adds what a piece holds to this rank's share.
 template <int Dim, class Real>
 void read_piece(const std::filesystem::path& path, const PieceEntry& entry, std::size_t generation,
-                int number, const NodeBox<Dim>& all, StateShare<Dim, Real>& share) {
+                int number, int materials, const NodeBox<Dim>& all, StateShare<Dim, Real>& share) {
   talus::detail::ByteReader in(path);
   if (talus::detail::take_format(in, "talus-piece ", piece_format) != entry.fingerprint)
     in.fail("it is a piece of another checkpoint");
@@ -116,7 +116,7 @@ void read_piece(const std::filesystem::path& path, const PieceEntry& entry, std:
   if (of_generation != generation || of_rank != number)
     in.fail("it is another piece than its name says");
   in.line("mixed derivatives", mixed);
-  talus::detail::take_particles(in, entry.particles, mixed == 1, share.state.particles);
+  talus::detail::take_particles(in, entry.particles, mixed == 1, materials, share.state.particles);
   in.need(entry.stresses, sizeof(int) * Dim + sizeof(double) * symmetric_size<Dim>);
   for (std::size_t k = 0; k < entry.stresses; ++k) {
     share.nodes.push_back(take_node(in, all));
@@ -288,10 +288,11 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim,
     list = detail::read_list(in, sim, nodes, share);
     for (int piece = all.rank(); piece < std::ssize(list.pieces); piece += all.size())
       detail::read_piece(talus::detail::piece_path(path, list.generation, piece),
-                         list.pieces[piece], list.generation, piece, nodes, share);
+                         list.pieces[piece], list.generation, piece, sim.materials(), nodes, share);
     const Array<double> reach; // not looked at
     const Grid<dim> nothing(params.grid, periodic, {});
     try {
+      check_materials(share.state.particles, sim.materials());
       check_state(share.state,
                   Boundaries<dim>{nothing, params.faces, params.obstacles, params.bodies,
                                   share.state.bodies, reach, share.state.time},

@@ -476,12 +476,15 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     if (which.empty())
       return;
     put(bytes, particles.mixed.empty() ? char{0} : char{1});
+    put(bytes, particles.material.empty() ? char{0} : char{1});
     for (const std::size_t p : which) {
       put(bytes, particles.id[p]);
       put(bytes, particles.position[p]);
       put(bytes, particles.velocity[p]);
       put(bytes, particles.affine[p]);
       put(bytes, particles.volume[p]);
+      if (!particles.material.empty())
+        put(bytes, particles.material[p]);
       if (!particles.mixed.empty())
         put(bytes, particles.mixed[p]);
     }
@@ -489,14 +492,21 @@ class Ranks final : public talus::Ranks<Dim, Real> {
   static void add_particles(const Array<char>& bytes, Particles<Dim, Real>& particles) {
     Taker taker(bytes);
     const bool mixed = taker.template take<char>() != 0;
+    const bool materials = taker.template take<char>() != 0;
     if (mixed)
       particles.resize_mixed(particles.size());
+    if (materials)
+      particles.resize_material(particles.size());
     while (!taker.at_end()) {
       const std::size_t id = taker.template take<std::size_t>();
       particles.position.push_back(taker.template take<Vec<Dim>>());
       particles.velocity.push_back(taker.template take<Vec<Dim, Real>>());
       particles.affine.push_back(taker.template take<Mat<Dim, Real>>());
       particles.volume.push_back(taker.template take<Real>());
+      if (materials)
+        particles.material.push_back(taker.template take<int>());
+      else if (!particles.material.empty())
+        particles.resize_material(particles.size());
       particles.id.push_back(id);
       if (mixed)
         particles.mixed.push_back(taker.template take<MixedDerivatives<Dim, Real>>());
@@ -514,6 +524,8 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     sorted.resize(order.size());
     if (!unsorted.mixed.empty())
       sorted.resize_mixed(order.size());
+    if (!unsorted.material.empty())
+      sorted.resize_material(order.size());
     for (std::size_t k = 0; k < order.size(); ++k)
       sorted.copy(k, unsorted, order[k]);
     return sorted;

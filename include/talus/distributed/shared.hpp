@@ -103,6 +103,8 @@ class Shared {
   std::size_t steps() const { return part_->steps(); }
   const Vec<dimension>& gravity() const { return part_->gravity(); }
   const Params& params() const { return part_->params(); }
+  int materials() const { return part_->materials(); }
+  double density(int material) const { return part_->density(material); }
   const Grid<dimension>& grid() const { return grid_; } ///< the whole one
   const auto& bodies() const { return part_->bodies(); }
   decltype(auto) face_wrench(int axis, bool upper) const { return part_->face_wrench(axis, upper); }
@@ -124,6 +126,10 @@ class Shared {
   Mat<dimension> stress(const Index<dimension>& node) const { return at(node).stress; }
   double pressure(const Index<dimension>& node) const { return stress(node).trace() / dimension; }
   double inertial_number(const Index<dimension>& node) const { return at(node).inertial_number; }
+  double material_fraction(const Index<dimension>& node, int material) const {
+    static_cast<void>(at(node)); // gathers, if that was not done
+    return fractions_[static_cast<std::ptrdiff_t>(number(node)) * materials() + material];
+  }
   /// See StrainRate.
   const Mat<dimension>& strain_rate(const Index<dimension>& node) const {
     return at(node).strain_rate;
@@ -316,8 +322,9 @@ class Shared {
       command(Command::fields);
       fields_.emplace(gather_fields());
     }
-    return (*fields_)[grid_.node(grid_.owner(node))];
+    return (*fields_)[number(node)];
   }
+  int number(const Index<dimension>& node) const { return grid_.node(grid_.owner(node)); }
   Array<Node> gather_fields() const {
     Array<Message> out(1);
     const StrainRate<dimension> strain_rate(*part_);
@@ -330,16 +337,22 @@ class Shared {
       put(out[0].bytes, index);
       put(out[0].bytes, Node{fraction, part_->velocity(index), part_->stress(index),
                              strain_rate(index), part_->inertial_number(index)});
+      for (int m = 0; m < materials(); ++m)
+        put(out[0].bytes, part_->material_fraction(index, m));
     }
     const Array<Message> in = mpi_->deliver(out);
     Array<Node> fields;
     if (mpi_->rank() != 0)
       return fields;
-    fields.assign(static_cast<std::size_t>(grid_.node_count()), Node());
+    const auto nodes = static_cast<std::size_t>(grid_.node_count());
+    fields.assign(nodes, Node());
+    fractions_.assign(nodes * static_cast<std::size_t>(materials()), 0);
     for (const Message& message : in)
       for (Taker taker(message.bytes); !taker.at_end();) {
-        const Index<dimension> index = taker.template take<Index<dimension>>();
-        taker.take(fields[grid_.node(index)]);
+        const int node = grid_.node(taker.template take<Index<dimension>>());
+        taker.take(fields[node]);
+        for (int m = 0; m < materials(); ++m)
+          taker.take(fractions_[static_cast<std::ptrdiff_t>(node) * materials() + m]);
       }
     return fields;
   }
@@ -350,6 +363,7 @@ class Shared {
   std::optional<Sim> part_; ///< this rank's
   mutable std::optional<ParticleData> particles_;
   mutable std::optional<Array<Node>> fields_;
+  mutable Array<double> fractions_; ///< of materials, #nodes × #materials; gathered with fields_
 };
 
 } // namespace talus::distributed

@@ -46,8 +46,9 @@ inline std::string_view minor_version(std::string_view version) {
 
 /// What must be the same for a state to be meaningful: name and value of each. Friction law,
 /// transfer and solver are left out: a run may go on with others.
-template <class Params>
-std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const Params& params) {
+template <class Sim>
+std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const Sim& sim) {
+  const auto& params = sim.params();
   std::vector<std::pair<std::string, std::string>> lines;
   const auto add = [&](const std::string& name, const auto&... values) {
     ByteWriter value;
@@ -70,7 +71,11 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
           face.kind == FaceKind::frictional ? face.friction : 0.0);
     }
   }
-  add("material.density", params.material.density);
+  const std::string name = "material.density";
+  ByteWriter densities;
+  for (int m = 0; m < sim.materials(); ++m)
+    densities.number(sim.density(m));
+  lines.emplace_back(name, densities.bytes().substr(1));
   add("time_step", params.time_step);
   add("cfl", params.cfl);
   add("min_relative_mass", params.min_relative_mass);
@@ -107,7 +112,7 @@ void put_configuration(ByteWriter& out, const Sim& sim, bool mixed) {
   const auto& state = sim.state();
   out.text(std::string("version ") + TALUS_VERSION + "\n");
   out.line("bytes of a particle's numbers", sizeof(typename Sim::ParticleData::Scalar));
-  for (const auto& [name, value] : checkpoint_configuration(sim.params()))
+  for (const auto& [name, value] : checkpoint_configuration(sim))
     out.text(name + " " + value + "\n");
   out.line("state", state.time, state.steps, state.time_step);
   out.line("mixed derivatives", mixed ? 1 : 0);
@@ -139,7 +144,7 @@ bool take_configuration(
     in.fail("its version is " + std::string(theirs) + ", this one's is " TALUS_VERSION);
   compare("bytes of a particle's numbers",
           std::to_string(sizeof(typename Sim::ParticleData::Scalar)));
-  for (const auto& [name, value] : checkpoint_configuration(sim.params()))
+  for (const auto& [name, value] : checkpoint_configuration(sim))
     compare(name, value);
   int mixed = 0;
   in.line("state", state.time, state.steps, state.time_step);
@@ -223,8 +228,9 @@ class SealedFile {
   Fingerprint fingerprint_;
 };
 
+/// materials: how many there are; with one, particles have no index of theirs.
 template <int Dim, class Real>
-void put_particles(SealedFile<>& file, const Particles<Dim, Real>& particles) {
+void put_particles(SealedFile<>& file, const Particles<Dim, Real>& particles, int materials) {
   ByteWriter& out = file.out;
   for (std::size_t p = 0; p < particles.size(); ++p) {
     out.raw(std::uint64_t{particles.id[p]});
@@ -234,13 +240,15 @@ void put_particles(SealedFile<>& file, const Particles<Dim, Real>& particles) {
     out.raw(particles.affine[p]);
     if (!particles.mixed.empty())
       out.raw(particles.mixed[p]);
+    if (materials > 1)
+      out.raw(particles.material.empty() ? 0 : particles.material[p]);
     file.flush_some();
   }
 }
 
 /// Adds `count` particles to those that are there; next_id stays.
 template <int Dim, class Real>
-void take_particles(ByteReader& in, std::size_t count, bool mixed,
+void take_particles(ByteReader& in, std::size_t count, bool mixed, int materials,
                     Particles<Dim, Real>& particles) {
   in.need(count,
           sizeof(std::uint64_t) + sizeof(double) * Dim + sizeof(Real) * (1 + Dim + Dim * Dim));
@@ -249,6 +257,8 @@ void take_particles(ByteReader& in, std::size_t count, bool mixed,
   particles.resize(p + count);
   if (mixed)
     particles.resize_mixed(p + count);
+  if (materials > 1)
+    particles.resize_material(p + count);
   for (; p < particles.size(); ++p) {
     std::uint64_t id = 0;
     in.raw(id);
@@ -259,6 +269,8 @@ void take_particles(ByteReader& in, std::size_t count, bool mixed,
     in.raw(particles.affine[p]);
     if (mixed)
       in.raw(particles.mixed[p]);
+    if (materials > 1)
+      in.raw(particles.material[p]);
   }
   particles.next_id = next_id;
 }
@@ -303,7 +315,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
            state.body_contacts.size(), notes.size());
   out.text(notes);
   out.raw(state.gravity);
-  detail::put_particles(file, state.particles);
+  detail::put_particles(file, state.particles, sim.materials());
   for (const auto& stress : state.stress_impulse) {
     out.raw(stress);
     file.flush_some();
@@ -345,7 +357,7 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
   in.line("counts", particles, nodes, contacts, body_contacts, length);
   std::string notes(in.take(length));
   in.raw(state.gravity);
-  detail::take_particles(in, particles, mixed, state.particles);
+  detail::take_particles(in, particles, mixed, sim.materials(), state.particles);
   in.need(nodes, sizeof(double) * symmetric_size<dim>);
   state.stress_impulse.resize(nodes);
   for (auto& stress : state.stress_impulse)

@@ -28,6 +28,7 @@ struct Seeding {
   Pattern pattern = Pattern::jittered;
   double jitter = 0.5;    ///< in [0, 1]: 0 a regular lattice, 1 anywhere in the particle's share
   std::uint64_t seed = 1; ///< the same seed gives the same particles, on every machine
+  int material = 0;       ///< index into the list of materials, see Materials
 
   /// Throws std::invalid_argument if a parameter is out of range.
   void validate() const {
@@ -35,6 +36,8 @@ struct Seeding {
       throw_invalid("seeding.per_axis", per_axis, "an integer in 1..100");
     if (!(jitter >= 0 && jitter <= 1))
       throw_invalid("seeding.jitter", jitter, "a number in [0, 1]");
+    if (material < 0)
+      throw_invalid("seeding.material", material, "an index, >= 0");
   }
 };
 
@@ -105,7 +108,7 @@ std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, con
     for (int a = 0; a < Dim; ++a)
       spacing[a] /= count[a];
     for (const Vec<Dim>& x : blue_noise_points<Dim>(total, from, to, spacing, draw))
-      particles.add(x, Vec<Dim>::Zero(), volume);
+      particles.add(x, Vec<Dim>::Zero(), volume, seeding.material);
     return total;
   }
   for (std::size_t p = 0; p < total; ++p) {
@@ -122,7 +125,7 @@ std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, con
       x[a] =
           std::clamp(lower[a] + share * (upper[a] - lower[a]), grid.origin()[a], grid.upper()[a]);
     }
-    particles.add(x, Vec<Dim>::Zero(), volume);
+    particles.add(x, Vec<Dim>::Zero(), volume, seeding.material);
   }
   return total;
 }
@@ -234,7 +237,7 @@ std::size_t fill(Particles<Dim, Real>& particles, const Grid<Dim>& grid, const R
   std::vector<Vec<Dim>> points;
   const auto add_all = [&](const auto& volume_of) {
     for (std::size_t p = 0; p < points.size(); ++p)
-      particles.add(points[p], Vec<Dim>::Zero(), volume_of(p));
+      particles.add(points[p], Vec<Dim>::Zero(), volume_of(p), seeding.material);
     return points.size();
   };
   if (seeding.pattern == Seeding::Pattern::jittered) {

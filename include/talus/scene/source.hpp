@@ -72,7 +72,7 @@ class Source final : public Exchange<Dim, Real> {
     /// Which part of the box lets material in, x in m; none: all of it.
     std::function<bool(const Vec<Dim>&)> inside{};
     Duration time{};
-    Seeding seeding{}; ///< per_axis, jitter, seed; the pattern is as told above
+    Seeding seeding{}; ///< per_axis, jitter, seed, material; the pattern is as told above
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, the strip or region leaves the
@@ -101,6 +101,8 @@ class Source final : public Exchange<Dim, Real> {
   /// V_in, m^d, if there is room for all: what has come by the time t, s.
   double volume_due(double t) const { return volume_ * due(t); }
 
+  int materials() const override { return params_.seeding.material + 1; }
+
   void exchange(double from, double to, const Execution& execution, Particles<Dim, Real>& particles,
                 Turnover& turnover) const override {
     const auto first = static_cast<std::uint64_t>(due(from));
@@ -120,7 +122,7 @@ class Source final : public Exchange<Dim, Real> {
         } else if (!room[i]) {
           turnover.held_back.add(static_cast<double>(static_cast<Real>(volume)));
         } else {
-          particles.add(places[i], params_.velocity, volume);
+          particles.add(places[i], params_.velocity, volume, params_.seeding.material);
           turnover.inflow.add(static_cast<double>(particles.volume.back()));
           ++turnover.added;
           add_entry(places[i], volume, there);
@@ -366,6 +368,12 @@ class Together final : public Exchange<Dim, Real> {
                 Turnover& turnover) const override {
     for (const auto& part : parts_)
       part->exchange(from, to, execution, particles, turnover);
+  }
+  int materials() const override {
+    int most = 1;
+    for (const auto& part : parts_)
+      most = std::max(most, part->materials());
+    return most;
   }
 
  private:

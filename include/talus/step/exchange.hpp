@@ -36,6 +36,9 @@ class Exchange {
   /// and new ones may be added on any rank; next_id must grow by the same number on all.
   virtual void exchange(double from, double to, const Execution& execution,
                         Particles<Dim, Real>& particles, Turnover& turnover) const = 0;
+
+  /// How many materials a simulation needs for what comes in: one above the largest index.
+  virtual int materials() const { return 1; }
 };
 
 /// Takes out the particles p with leaves(p) → bool and adds their volumes to `volume`. Returns how
@@ -65,9 +68,13 @@ void append(const Particles<Dim, Real>& more, Particles<Dim, Real>& particles) {
   const std::size_t before = particles.size();
   if (!more.mixed.empty())
     particles.resize_mixed(before);
+  if (!more.material.empty())
+    particles.resize_material(before);
   particles.resize(before + more.size());
   if (!more.mixed.empty())
     particles.resize_mixed(before + more.size());
+  if (!more.material.empty())
+    particles.resize_material(before + more.size());
   for (std::size_t p = 0; p < more.size(); ++p) {
     const std::size_t id = particles.id[before + p];
     particles.copy(before + p, more, p);

@@ -2,12 +2,14 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/dual/colouring.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/rheology/cohesion.hpp"
+#include "talus/rheology/flow_state.hpp"
 #include "talus/rheology/rheology.hpp"
 
 #include <algorithm>
@@ -15,52 +17,99 @@
 #include <cstddef>
 #include <functional>
 #include <iterator>
+#include <type_traits>
+#include <utility>
 
 /// \file
 /// Friction and cohesion of the cones, from the rheology.
 
 namespace talus {
 
-/// c_i, Pa, of cone i: where the medium is dense.
-template <Rheology R, int Dim>
-double cone_cohesion(const R& rheology, const DualProblem<Dim>& problem, std::size_t i) {
+/// Σ_m V_m value(law m) / Σ_m V_m over the materials that a node has. volumes: V_m, m^d.
+template <OfMaterials R, class Value>
+double mean_by_volume(const R& rheology, const double* volumes, const Value& value) {
+  double sum = 0, all = 0;
+  for (int m = 0; m < rheology.materials(); ++m)
+    if (volumes[m] > 0) { // a law may give infinity
+      sum += volumes[m] * value(rheology.law(m));
+      all += volumes[m];
+    }
+  return sum / all;
+}
+
+/// The cohesion of a node full of it, Pa.
+template <Rheology R>
+double cohesion_of(const R& law) {
   if constexpr (Cohesive<R>)
-    return problem.free_volume_rate[i] <= 0 ? rheology.cohesion() : 0;
+    return law.cohesion();
   else
     return 0;
 }
 
+/// Does the rheology, or that of one of its materials, have cohesion?
+template <Rheology R>
+constexpr bool has_cohesion() {
+  if constexpr (OfMaterials<R>)
+    return has_cohesion<std::remove_cvref_t<decltype(std::declval<const R&>().law(0))>>();
+  else
+    return Cohesive<R>;
+}
+
+/// c_i, Pa, of cone i: where the medium is dense. volume_by_material: see NodeFields; read if there
+/// are several materials.
+template <Rheology R, int Dim>
+double cone_cohesion(const R& rheology, const DualProblem<Dim>& problem, std::size_t i,
+                     [[maybe_unused]] const double* volume_by_material = nullptr) {
+  if constexpr (!has_cohesion<R>()) {
+    return 0;
+  } else {
+    if (!(problem.free_volume_rate[i] <= 0))
+      return 0;
+    if constexpr (OfMaterials<R>)
+      return mean_by_volume(
+          rheology, volume_by_material + std::ptrdiff_t{problem.node[i]} * rheology.materials(),
+          [](const auto& law) { return cohesion_of(law); });
+    else
+      return rheology.cohesion();
+  }
+}
+
 /// Normal component of δt (c_i/μ_i) I, Pa s: how far the apex of the cone lies from no stress.
-/// time_step: δt, s.
+/// time_step: δt, s; volume_by_material: see cone_cohesion.
 template <Rheology R, int Dim>
 double cone_apex(const R& rheology, const DualProblem<Dim>& problem, double time_step,
-                 std::size_t i) {
-  const double c = cone_cohesion(rheology, problem, i);
+                 std::size_t i, const double* volume_by_material = nullptr) {
+  const double c = cone_cohesion(rheology, problem, i, volume_by_material);
   return c > 0 ? time_step * c / problem.opening[i] : 0;
 }
 
 /// Cohesion: from λ to the λ' = λ + (c/μ) I that the cone law holds for. The velocities stay, so
 /// the constant tension becomes a part of u_free.
 template <Rheology R, int Dim>
-void add_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step) {
-  if constexpr (Cohesive<R>)
+void add_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step,
+                        [[maybe_unused]] const double* volume_by_material = nullptr) {
+  if constexpr (has_cohesion<R>())
     for (std::size_t i = 0; i < problem.cones(); ++i)
-      problem.stress_impulse[i][0] += cone_apex(rheology, problem, time_step, i);
+      problem.stress_impulse[i][0] +=
+          cone_apex(rheology, problem, time_step, i, volume_by_material);
 }
 
 /// Back from λ' to λ.
 template <Rheology R, int Dim>
-void remove_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step) {
-  if constexpr (Cohesive<R>)
+void remove_cohesion_shift(const R& rheology, DualProblem<Dim>& problem, double time_step,
+                           [[maybe_unused]] const double* volume_by_material = nullptr) {
+  if constexpr (has_cohesion<R>())
     for (std::size_t i = 0; i < problem.cones(); ++i)
-      problem.stress_impulse[i][0] -= cone_apex(rheology, problem, time_step, i);
+      problem.stress_impulse[i][0] -=
+          cone_apex(rheology, problem, time_step, i, volume_by_material);
 }
 
 /// Nodes where the rheology gave no finite μ ≥ 0, or no μ > 0 where there is cohesion. partials:
-/// workspace.
+/// workspace; volume_by_material: see cone_cohesion.
 template <Rheology R, int Dim>
 std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& problem,
-                                   const Execution& execution, Array<std::size_t>& partials) {
+                                   const Execution& execution, Array<std::size_t>& partials,
+                                   const double* volume_by_material = nullptr) {
   return execution.sum(execution.reduce(
       std::ssize(problem.node), partials, std::size_t{0},
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -68,7 +117,7 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
         for (std::size_t i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end);
              ++i) {
           const double mu = problem.opening[i];
-          const bool some = cone_cohesion(rheology, problem, i) > 0;
+          const bool some = cone_cohesion(rheology, problem, i, volume_by_material) > 0;
           count += std::isfinite(mu) && (some ? mu > 0 : mu >= 0) ? 0U : 1U;
         }
         return count;
@@ -76,19 +125,69 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
       std::plus<>()));
 }
 
-/// I_i from the velocities and the stress λ (not λ') that the problem has. material_volume:
-/// Σ V_p N_i of its node, m^d; time_step: δt, s.
+/// What a law sees of cone i, but for the place, from the velocities and the stress λ (not λ') that
+/// the problem has. material_volume: Σ V_p N_i of its node, m^d; time_step: δt, s.
+template <int Dim>
+FlowState<Dim> cone_flow(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
+                         std::size_t i, double material_volume, double time_step) {
+  FlowState<Dim> flow;
+  flow.strain_rate = integrated_strain_rate(problem, stencil, i).norm() / material_volume;
+  flow.volume_fraction = material_volume / problem.node_volume[i];
+  const double share = std::min(1.0, flow.volume_fraction);
+  flow.pressure = share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
+  return flow;
+}
+
+/// I of a law. cohesion: c of the node, Pa.
+template <Rheology R, int Dim>
+double flow_inertial_number(const R& law, const FlowState<Dim>& flow, double cohesion) {
+  double pressure = flow.pressure;
+  if (cohesion > 0) // what presses the grains together
+    pressure += cohesion / law.friction(0);
+  return law.inertial_number()(flow.strain_rate, pressure);
+}
+
+/// I_i of cone i; see cone_flow.
 template <Rheology R, int Dim>
 double cone_inertial_number(const R& rheology, const DualProblem<Dim>& problem,
                             const Stencil<Dim>& stencil, std::size_t i, double material_volume,
                             double time_step) {
-  const double rate = integrated_strain_rate(problem, stencil, i).norm() / material_volume;
-  const double share = std::min(1.0, material_volume / problem.node_volume[i]); // φ
-  double pressure = share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
-  const double cohesion = cone_cohesion(rheology, problem, i);
-  if (cohesion > 0) // what presses the grains together
-    pressure += cohesion / rheology.friction(0);
-  return rheology.inertial_number()(rate, pressure);
+  return flow_inertial_number(rheology, cone_flow(problem, stencil, i, material_volume, time_step),
+                              cone_cohesion(rheology, problem, i));
+}
+
+/// μ of a node full of one material, and its I: 0 if the law does not say with which one.
+struct FlowFriction {
+  double friction = 0, inertial_number = 0;
+};
+
+/// dense: has it its cohesion?
+template <Rheology R, int Dim>
+FlowFriction flow_friction(const R& law, const FlowState<Dim>& flow, bool dense) {
+  if constexpr (SeesFlow<R, Dim>) {
+    return {law.friction(flow), 0};
+  } else {
+    double I = 0;
+    if constexpr (R::rate_dependent)
+      I = flow_inertial_number(law, flow, dense ? cohesion_of(law) : 0);
+    return {law.friction(I), I};
+  }
+}
+
+/// The means over the volumes V_m (m^d) that a node has of each material; see Materials. Friction
+/// is NaN if a law gives no finite μ ≥ 0, which others might hide.
+template <OfMaterials R, int Dim>
+FlowFriction flow_friction(const R& rheology, const FlowState<Dim>& flow, bool dense,
+                           const double* volumes) {
+  FlowFriction mean;
+  mean.friction = mean_by_volume(rheology, volumes, [&](const auto& law) {
+    const double mu = flow_friction(law, flow, dense).friction;
+    return mu >= 0 && std::isfinite(mu) ? mu : not_given;
+  });
+  mean.inertial_number = mean_by_volume(rheology, volumes, [&](const auto& law) {
+    return flow_friction(law, flow, dense).inertial_number;
+  });
+  return mean;
 }
 
 /// The iteration between friction and solution: μ_i ← μ_i + relaxation (μ(I_i) − μ_i). The

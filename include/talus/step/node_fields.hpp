@@ -26,11 +26,16 @@ struct NodeFields {
     material_volume.swap(other.material_volume);
     open_fraction.swap(other.open_fraction);
     inertial_number.swap(other.inertial_number);
+    mass.swap(other.mass);
+    volume_by_material.swap(other.volume_by_material);
   }
 
   Array<double> material_volume; ///< Σ V_p N_i, m^d
   Array<double> open_fraction;   ///< of a node's volume: what no solid takes
   Array<double> inertial_number;
+  // Empty if there is one material.
+  Array<double> mass;               ///< Σ ρ_p V_p N_i, kg (2-D: kg/m)
+  Array<double> volume_by_material; ///< V_im, #nodes × #materials, m^d
 };
 
 /// What a step computes on its way; kept for its memory alone.
@@ -46,6 +51,7 @@ struct StepWorkspace {
 
   CellOrder<Dim> order;
   Array<CellMoments<Dim>> moments;     ///< #cells
+  Array<double> corner_volumes;        ///< see material_corner_volumes
   Array<NodeVec<Dim>> velocity_before; ///< u*, #nodes, m/s
   Array<double> divergence;            ///< mean tr ∇u around a node, #nodes, 1/s
   Array<int> cone;                     ///< the cone of a node or −1, #nodes

@@ -58,6 +58,17 @@ void check_ids(const Particles<Dim, Real>& particles) {
                   "above the largest id, " + std::to_string(ids.back()));
 }
 
+/// Throws std::invalid_argument if a particle is of a material that is none of `materials`.
+template <int Dim, class Real>
+void check_materials(const Particles<Dim, Real>& particles, int materials) {
+  for (const int m : particles.material)
+    if (m < 0 || m >= materials)
+      throw_invalid("a particle's material", m,
+                    "0 to " + std::to_string(materials - 1) + ": indices into the list of " +
+                        (materials == 1 ? "one material (several: see Materials)"
+                                        : std::to_string(materials) + " materials"));
+}
+
 /// Throws std::invalid_argument if a particle is outside the box, has no positive volume, a number
 /// that is not finite or the id of another. None at all is fine: a box may start empty, and empty.
 template <int Dim, class Real>
@@ -72,6 +83,8 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
   if (!particles.mixed.empty())
     check_size("mixed derivatives", particles.mixed.size());
   check_size("volumes", particles.volume.size());
+  if (!particles.material.empty())
+    check_size("materials", particles.material.size());
   check_size("ids", particles.id.size());
   check_ids(particles);
   const Vec<Dim> lower = grid.origin(), upper = grid.upper();

@@ -32,9 +32,13 @@ struct SolvedStep {
   const NodeFields& fields;
   const StepWorkspace<Dim>& work;
   const ViscousSolver<Dim>& viscous;
-  double density;   ///< kg/m³
+  double density;   ///< kg/m³, if there is one material
   double time_step; ///< δt, s
   Vec<Dim> gravity; ///< m/s²
+
+  double mass(int node) const { ///< m_j, kg (2-D: kg/m)
+    return fields.mass.empty() ? density * fields.material_volume[node] : fields.mass[node];
+  }
 };
 
 /// The momentum that a node of the grid would have if no face held it, N s (per metre in 2-D):
@@ -44,8 +48,7 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
   constexpr int neighbours = Grid<Dim>::neighbours;
   const DualProblem<Dim>& problem = step.problem;
   const Vec<Dim> before = step.work.velocity_before[node].template head<Dim>();
-  Vec<Dim> momentum =
-      step.density * step.fields.material_volume[node] * (before + step.time_step * step.gravity);
+  Vec<Dim> momentum = step.mass(node) * (before + step.time_step * step.gravity);
   for (int k = 0; k < neighbours; ++k) {
     const int other = node + problem.grid.neighbour_offset(k);
     const Vec<symmetric_size<Dim>>& stress = step.stress_impulse[other];

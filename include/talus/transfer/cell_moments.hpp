@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <type_traits>
 
 namespace talus {
 
@@ -31,7 +32,7 @@ struct CellMoments {
   /// T as stress sees it, m^d: the same, or see even_volume()
   SmallArray<double, ipow(3, Dim)> stress_volume{};
   /// Σ_p V_p N_c(x_p) u_p(x_c) for each corner c, u_p the velocity field of the particle,
-  /// m^d · m/s.
+  /// m^d · m/s; times ρ_p (kg/m³) if there are several materials.
   SmallArray<Vec<Dim>, ipow(2, Dim)> momentum{};
 };
 
@@ -89,6 +90,12 @@ class CellMomentSum {
       if constexpr (Field == ParticleField::multilinear)
         for (std::size_t m = 0; m < mixed_terms<Dim>.size(); ++m)
           set_lane<Dim>(field[mixed_terms<Dim>[m]], lane, particles.mixed[p].data() + m * dim);
+    }
+    /// Makes the momentum of a lane that of mass.
+    void weigh(std::size_t lane, double density) {
+      for (VecLanes<Dim>& term : field)
+        for (ParticleLanes& component : term)
+          component[static_cast<Eigen::Index>(lane)] *= density;
     }
     void clear(std::size_t lane, const Grid<Dim>& grid) {
       volume[static_cast<Eigen::Index>(lane)] = 0;
@@ -211,10 +218,15 @@ class CellMomentSum {
   std::array<VecLanes<Dim>, corners> momentum_;
 };
 
-/// The moments of the particles of one cell. Field: what they carry.
-template <ParticleField Field, int Dim, class Real>
+/// One density for all: momenta are left without it.
+struct OneDensity {};
+
+/// The moments of the particles of one cell. Field: what they carry; density: OneDensity, or
+/// density(p) → ρ_p, kg/m³.
+template <ParticleField Field, int Dim, class Real, class Density = OneDensity>
 CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
-                              const Grid<Dim>& grid, int cell_number) {
+                              const Grid<Dim>& grid, int cell_number,
+                              [[maybe_unused]] const Density& density = {}) {
   constexpr std::size_t batch = particle_packs * particle_lanes;
   CellMomentSum<Dim, Field> sum(grid, cell_number);
   std::array<typename CellMomentSum<Dim, Field>::Pack, particle_packs> packs;
@@ -223,6 +235,9 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
     const std::size_t count = std::min(batch, end - first);
     for (std::size_t l = 0; l < count; ++l)
       packs[l / particle_lanes].set(l % particle_lanes, particles, order.particle(first + l));
+    if constexpr (!std::is_same_v<Density, OneDensity>)
+      for (std::size_t l = 0; l < count; ++l)
+        packs[l / particle_lanes].weigh(l % particle_lanes, density(order.particle(first + l)));
     const std::size_t used = (count + particle_lanes - 1) / particle_lanes;
     for (std::size_t l = count; l < used * particle_lanes; ++l)
       packs[used - 1].clear(l % particle_lanes, grid);
@@ -233,16 +248,17 @@ CellMoments<Dim> cell_moments(const Particles<Dim, Real>& particles, const CellO
 }
 
 /// The moments of every cell that holds particles. `moments`: #cells, workspace of the caller;
-/// even: stress acts on full cells evenly; halo: how ranks share cells, if there are several.
-template <ParticleField Field, int Dim, class Real>
+/// even: stress acts on full cells evenly; halo: how ranks share cells, if there are several;
+/// density: see cell_moments.
+template <ParticleField Field, int Dim, class Real, class Density = OneDensity>
 void all_cell_moments(const Particles<Dim, Real>& particles, const CellOrder<Dim>& order,
                       const Grid<Dim>& grid, const Execution& execution,
                       Array<CellMoments<Dim>>& moments, bool even = false,
-                      const Halo* halo = nullptr) {
+                      const Halo* halo = nullptr, const Density& density = {}) {
   moments.resize(static_cast<std::size_t>(grid.cell_count()));
   for_each_filled_cell(execution, order, grid, [&](int c) {
     CellMoments<Dim>& m = moments[c];
-    m = cell_moments<Field>(particles, order, grid, c);
+    m = cell_moments<Field>(particles, order, grid, c, density);
     if (even)
       even_volume(grid.cell_volume(), m);
   });

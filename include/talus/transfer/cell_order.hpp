@@ -203,6 +203,10 @@ class CellOrder {
         break;
       default:
         permute(particles.id, moved);
+        if (!particles.material.empty()) {
+          std::fill(moved, moved + order_.size(), char{0});
+          permute(particles.material, moved);
+        }
       }
     });
   }
