@@ -2,7 +2,7 @@
 // Records dual problems of many kinds, each with its warm start:
 //   record_global_problems FOLDER [NAME...]
 // leaves FOLDER/NAME.talus for all of them, or for those that are named; a file that is there
-// already is not made again. Takes some minutes.
+// already is not made again. Takes half an hour.
 
 #include "scenes.hpp"
 
@@ -177,66 +177,46 @@ Sim<Dim> impact(double cell) {
 void record(const Recorder& recorder) {
   for (const int finer : {1, 2, 4}) {
     const std::string of = "_h" + std::to_string(finer);
-    recorder(
-        "b15_2d" + of, [&] { return scenes::collapse_b15<2>(finer, 1e-4); },
-        {{"opening", 0.02}, {"flow", 0.2}, {"rest", finer < 4 ? 1.2 : 0.6}});
+    recorder("b15_2d" + of, [&] { return scenes::collapse_b15<2>(finer, 1e-4); },
+             {{"opening", 0.02}, {"flow", 0.2}, {"rest", finer < 4 ? 1.2 : 0.6}});
   }
   for (const double mu : {0.1, 0.5, 0.9, 1.5, 2.0})
-    recorder(
-        "column_2d_mu" + std::to_string(std::lround(10 * mu)),
-        [&] { return column<2>(mu, 0.01); }, {{"flow", 0.1}, {"rest", 0.8}});
-  recorder(
-      "column_2d_mu20_h2", [] { return column<2>(2, 0.005); }, {{"flow", 0.1}});
-  recorder(
-      "bed_2d", [] { return scenes::bed(22, 0.44, 1e-5); }, {{"rest", 0.3}});
-  recorder(
-      "slope_2d", [] { return slope<2>(23, 0.44, 0.03, 0.01); }, {{"rest", 0.5}});
-  recorder(
-      "slope_2d_fast", [] { return slope<2>(30, 0.44, 0.2, 0.01); }, {{"flow", 0.3}});
+    recorder("column_2d_mu" + std::to_string(std::lround(10 * mu)),
+             [&] { return column<2>(mu, 0.01); }, {{"flow", 0.1}, {"rest", 0.8}});
+  recorder("column_2d_mu20_h2", [] { return column<2>(2, 0.005); }, {{"flow", 0.1}});
+  recorder("bed_2d", [] { return scenes::bed(22, 0.44, 1e-5); }, {{"rest", 0.3}});
+  recorder("slope_2d", [] { return slope<2>(23, 0.44, 0.03, 0.01); }, {{"rest", 0.5}});
+  recorder("slope_2d_fast", [] { return slope<2>(30, 0.44, 0.2, 0.01); }, {{"flow", 0.3}});
   recorder(
       "fall_2d",
       [] {
         return filled<Sim<2>>(box<Sim<2>>({0.4, 0, 0.24}, 0.01, 0, 0.6), 0.1, 0.3, 0.06, 0.2, 1);
       },
       {{"falling", 0.03}, {"landing", 0.08}});
-  recorder(
-      "silo_2d", [] { return silo<2>(0.5, 0.06, 0.01); }, {{"flow", 0.2}});
-  recorder(
-      "silo_2d_mu9", [] { return silo<2>(0.9, 0.02, 0.01); }, {{"jammed", 0.2}});
-  recorder(
-      "drum_2d", [] { return drum(0.5, 0.01); }, {{"flow", 0.6}});
-  recorder(
-      "impact_2d", [] { return impact<2>(0.01); }, {{"body", 0.05}, {"rest", 0.5}});
-  recorder(
-      "cliff_2d", [] { return cliff<Cohesive2>(300, 0.01); }, {{"flow", 0.1}});
-  recorder(
-      "cliff_2d_strong", [] { return cliff<Cohesive2>(1500, 0.01); }, {{"rest", 0.3}});
+  recorder("silo_2d", [] { return silo<2>(0.5, 0.06, 0.01); }, {{"flow", 0.2}});
+  recorder("silo_2d_mu9", [] { return silo<2>(0.9, 0.02, 0.01); }, {{"jammed", 0.2}});
+  recorder("drum_2d", [] { return drum(0.5, 0.01); }, {{"flow", 0.6}});
+  recorder("impact_2d", [] { return impact<2>(0.01); }, {{"body", 0.05}, {"rest", 0.5}});
+  recorder("cliff_2d", [] { return cliff<Cohesive2>(300, 0.01); }, {{"flow", 0.1}});
+  recorder("cliff_2d_strong", [] { return cliff<Cohesive2>(1500, 0.01); }, {{"rest", 0.3}});
 
-  recorder(
-      "b15_3d_h1", [] { return scenes::collapse_b15<3>(1, 1e-4, 2); },
-      {{"opening", 0.02}, {"flow", 0.2}, {"rest", 1.2}});
-  recorder(
-      "b15_3d_h2", [] { return scenes::collapse_b15<3>(2, 1e-4, 2); }, {{"flow", 0.2}});
+  recorder("b15_3d_h1", [] { return scenes::collapse_b15<3>(1, 1e-4, 2); },
+           {{"opening", 0.02}, {"flow", 0.2}, {"rest", 1.2}});
+  recorder("b15_3d_h2", [] { return scenes::collapse_b15<3>(2, 1e-4, 2); }, {{"flow", 0.2}});
   for (const double mu : {0.1, 0.9, 2.0})
-    recorder(
-        "column_3d_mu" + std::to_string(std::lround(10 * mu)),
-        [&] { return column<3>(mu, 0.02); }, {{"flow", 0.1}, {"rest", 0.6}});
-  recorder(
-      "slope_3d", [] { return slope<3>(22, 0.44, 0.06, 0.02); }, {{"rest", 0.3}});
+    recorder("column_3d_mu" + std::to_string(std::lround(10 * mu)),
+             [&] { return column<3>(mu, 0.02); }, {{"flow", 0.1}, {"rest", 0.6}});
+  recorder("slope_3d", [] { return slope<3>(22, 0.44, 0.06, 0.02); }, {{"rest", 0.3}});
   recorder(
       "fall_3d",
       [] {
         return filled<Sim<3>>(box<Sim<3>>({0.4, 0.12, 0.24}, 0.02, 0, 0.6), 0.1, 0.3, 0.06, 0.2, 1);
       },
       {{"landing", 0.08}});
-  recorder(
-      "silo_3d", [] { return silo<3>(0.5, 0.08, 0.02); }, {{"flow", 0.2}});
-  recorder(
-      "silo_3d_mu9", [] { return silo<3>(0.9, 0.04, 0.02); }, {{"jammed", 0.2}});
-  recorder(
-      "impact_3d", [] { return impact<3>(0.02); }, {{"body", 0.05}});
-  recorder(
-      "cliff_3d", [] { return cliff<Cohesive3>(1000, 0.02); }, {{"rest", 0.2}});
+  recorder("silo_3d", [] { return silo<3>(0.5, 0.08, 0.02); }, {{"flow", 0.2}});
+  recorder("silo_3d_mu9", [] { return silo<3>(0.9, 0.04, 0.02); }, {{"jammed", 0.2}});
+  recorder("impact_3d", [] { return impact<3>(0.02); }, {{"body", 0.05}});
+  recorder("cliff_3d", [] { return cliff<Cohesive3>(1000, 0.02); }, {{"rest", 0.2}});
 }
 
 } // namespace

@@ -7,8 +7,8 @@
 
 /// \file
 /// The Jordan algebra of the cone K_1 = { |x_T| ≤ x_N } and its Nesterov–Todd scaling, for vectors
-/// (normal, tangent) of n numbers, n ≤ 6, anywhere in memory. See Alizadeh & Goldfarb 2003, "Second-
-/// order cone programming"; Nesterov & Todd 1997.
+/// (normal, tangent) of n numbers, n ≤ 6, anywhere in memory. See Alizadeh & Goldfarb 2003,
+/// "Second- order cone programming"; Nesterov & Todd 1997.
 
 namespace talus::jordan {
 

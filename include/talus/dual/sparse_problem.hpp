@@ -23,7 +23,8 @@ namespace talus {
 /// with one λ for all (twice the stress impulse, or a contact's impulse) and one law, Coulomb's.
 /// Unknowns are the components of nodal velocities that can change, then the velocities of bodies.
 struct SparseProblem {
-  /// Rows row..row+size−1, normal first; they share `columns`, and `entries` holds them row by row.
+  /// Rows row..row+size−1, normal first (that alone without friction); they share `columns`, and
+  /// `entries` holds them row by row.
   struct Cone {
     int row = 0, size = 0;
     double friction = 0;
@@ -33,8 +34,8 @@ struct SparseProblem {
   Array<Cone> cones;
   Array<int> columns; ///< ascending in each cone
   Array<double> entries;
-  Array<double> start; ///< γ_0, #rows
-  Array<double> lambda; ///< #rows
+  Array<double> start;              ///< γ_0, #rows
+  Array<double> lambda;             ///< #rows
   Eigen::SparseMatrix<double> mass; ///< diagonal but for the inertia of bodies
   int unknowns = 0;
 
@@ -147,8 +148,7 @@ class SparseForm {
   SparseProblem sparse;
 
   /// `problem` stays as it is.
-  explicit SparseForm(const DualProblem<Dim>& problem)
-      : free_(problem), stencil_(problem.grid) {
+  explicit SparseForm(const DualProblem<Dim>& problem) : free_(problem), stencil_(problem.grid) {
     remove_impulses(free_, stencil_);
     free_.copies.copy(free_.velocity, Execution());
     number_unknowns();
@@ -157,8 +157,7 @@ class SparseForm {
     for (std::size_t c = 0; c < problem.contacts.size(); ++c)
       add_contact(free_.contacts[c], problem.contacts[c].impulse, -1);
     for (std::size_t c = 0; c < problem.body_contacts.size(); ++c)
-      add_contact(free_.body_contacts[c], problem.body_contacts[c].impulse,
-                  static_cast<int>(c));
+      add_contact(free_.body_contacts[c], problem.body_contacts[c].impulse, static_cast<int>(c));
     add_scales();
   }
 
@@ -256,14 +255,14 @@ class SparseForm {
               [](const auto& a, const auto& b) { return a.first < b.first; });
     Cone cone;
     cone.row = sparse.rows();
-    cone.size = N;
+    cone.size = friction > 0 ? N : 1; // without friction there is no tangent to solve for
     cone.friction = friction;
     cone.columns = sparse.columns.size();
     cone.entries = sparse.entries.size();
     for (const auto& column : list)
       sparse.columns.push_back(column.first);
     cone.columns_end = sparse.columns.size();
-    for (int k = 0; k < N; ++k) {
+    for (int k = 0; k < cone.size; ++k) {
       for (const auto& column : list)
         sparse.entries.push_back(column.second[k]);
       sparse.start.push_back(gamma[k]);

@@ -18,6 +18,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 namespace talus {
 
@@ -41,6 +42,7 @@ class CentralPath {
   explicit CentralPath(const SparseProblem& problem)
       : problem_(problem), matrix_(problem.pattern()), scaling_(problem.cones.size()) {
     factors_.isSymmetric(true);
+    factors_.setPivotThreshold(0.01);
     factors_.analyzePattern(matrix_);
     const Eigen::Index rows = problem.rows();
     slip_ = Vector::Zero(rows);
@@ -115,8 +117,8 @@ class CentralPath {
     const Vector gamma = rates(point.v);
     for (std::size_t i = 0; i < scaling_.size(); ++i) {
       const auto& cone = problem_.cones[i];
-      scaling_[i] = jordan::Scaling(point.x.data() + cone.row, point.z.data() + cone.row,
-                                    cone.size);
+      scaling_[i] =
+          jordan::Scaling(point.x.data() + cone.row, point.z.data() + cone.row, cone.size);
       const double* g = gamma.data() + cone.row;
       const double slip = coupling == Coupling::full ? jordan::tangent_norm(g, cone.size) : 0;
       for (int k = 1; k < cone.size; ++k)
@@ -130,7 +132,10 @@ class CentralPath {
           for (int r = 0; r < cone.size; ++r) {
             double* of_row = q + r * cone.size;
             for (int c = 0; c < cone.size; ++c)
-              of_row[c] = eta * (2 * w[r] * w[c] - (r != c ? 0 : r == 0 ? 1 : -1)) *
+              of_row[c] = eta *
+                          (2 * w[r] * w[c] - (r != c   ? 0
+                                              : r == 0 ? 1
+                                                       : -1)) *
                           (c == 0 ? 1 : mu) / (r == 0 ? mu : 1);
             for (int c = 1; c < cone.size; ++c)
               of_row[c] += mu * of_row[0] * slip_[cone.row + c];
@@ -195,8 +200,8 @@ class CentralPath {
   double longest(const Point& point, const Point& step, double most) const {
     for (const auto& cone : problem_.cones)
       for (const auto& [of, d] : {std::pair(&point.x, &step.x), std::pair(&point.z, &step.z)})
-        most = std::min(most, jordan::step_to_boundary(of->data() + cone.row,
-                                                       d->data() + cone.row, cone.size));
+        most = std::min(
+            most, jordan::step_to_boundary(of->data() + cone.row, d->data() + cone.row, cone.size));
     return most;
   }
   std::size_t cones() const { return problem_.cones.size(); }
@@ -204,8 +209,10 @@ class CentralPath {
  private:
   using Cone = SparseProblem::Cone;
 
-  /// A cone without friction is a line; a thin one is as good.
-  static double friction(const Cone& cone) { return std::max(cone.friction, 1e-9); }
+  /// μ; any number will do for a cone without friction, which has one row.
+  static double friction(const Cone& cone) {
+    return cone.size == 1 ? 1 : std::max(cone.friction, 1e-9);
+  }
 
   static void push_in(double* x, int n, double least) {
     x[0] += std::max(0.0, least - (x[0] - jordan::tangent_norm(x, n)));
@@ -250,8 +257,7 @@ class CentralPath {
   Vector divided(const Vector& a, const Vector& b) const {
     Vector result(a.size());
     each([&](std::size_t, const Cone& cone) {
-      jordan::divide(a.data() + cone.row, b.data() + cone.row, cone.size,
-                     result.data() + cone.row);
+      jordan::divide(a.data() + cone.row, b.data() + cone.row, cone.size, result.data() + cone.row);
     });
     return result;
   }
@@ -272,19 +278,20 @@ class CentralPath {
 /// law itself. Each iteration factorises a sparse matrix of all velocities, on one thread, so it is
 /// for problems of some thousand cones, in 2-D above all, and for one rank.
 ///
-/// The path of Coulomb's law has folds where much friction jams the medium, and Newton's method
-/// stalls there. A short step is followed by some with |γ_T| lagged, whose matrix is that of a
-/// convex problem; and if that has not helped in `newton_iterations`, the path is followed from its
-/// start by arc length, backwards where the determinant is negative, which takes it round folds.
+/// The path of Coulomb's law has folds where much friction jams the medium; Newton's method stalls
+/// beyond them, where the determinant is negative. There the next steps are made with |γ_T| lagged,
+/// whose matrix is that of a convex problem; and if that has not helped in `newton_iterations`, the
+/// path is followed from its start by arc length, τ growing where the determinant is negative,
+/// which takes it round folds.
 ///
 /// After Mehrotra 1992; Nesterov & Todd 1997; Acary, Armand, Nguyen & Shpakovych 2024 (interior
 /// points for contact with friction); Smale 1976 (the sign of the determinant).
 class InteriorPoint {
  public:
   struct Params {
-    double tolerance = 1e-8;     ///< for the l2 residual of dual/residual.hpp
-    int newton_iterations = 80;  ///< before the path is followed by arc length
-    int max_iterations = 400;    ///< in all
+    double tolerance = 1e-8;    ///< for the l2 residual of dual/residual.hpp
+    int newton_iterations = 80; ///< before the path is followed by arc length
+    int max_iterations = 400;   ///< in all
   };
   template <int Dim>
   struct Workspace {
@@ -305,13 +312,18 @@ class InteriorPoint {
 
   const Params& params() const { return params_; }
 
+  /// Throws std::invalid_argument with several ranks: the factors are of the whole matrix.
+  static void require_one_rank(const Execution& execution) {
+    if (const std::size_t ranks = execution.sum(std::size_t{1}); ranks > 1)
+      throw_invalid("the number of ranks with InteriorPoint", ranks, "1");
+  }
+
   /// Leaves the best point of all iterations. Throws std::invalid_argument with several ranks.
   template <int Dim>
   SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
                     const Execution& execution) const {
     const auto start = std::chrono::steady_clock::now();
-    if (const std::size_t ranks = execution.sum(std::size_t{1}); ranks > 1)
-      throw_invalid("the number of ranks with InteriorPoint", ranks, "1");
+    require_one_rank(execution);
     const Stencil<Dim> stencil(problem.grid);
     workspace.inverse_scale.resize(problem.cones());
     for (std::size_t i = 0; i < problem.cones(); ++i) {
@@ -325,9 +337,9 @@ class InteriorPoint {
     report.residual = measure();
     if (report.residual.finite() && !(report.residual.l2 <= params_.tolerance)) {
       const SparseForm<Dim> form(problem);
-      Search search(form.sparse, energy(problem, workspace, form.sparse), params_);
-      Eigen::VectorXd best = Eigen::Map<const Eigen::VectorXd>(form.sparse.lambda.data(),
-                                                               form.sparse.rows());
+      Search search(form.sparse, energy(problem, form.sparse), params_);
+      Eigen::VectorXd best =
+          Eigen::Map<const Eigen::VectorXd>(form.sparse.lambda.data(), form.sparse.rows());
       while (report.iterations < params_.max_iterations && search.advance()) {
         ++report.iterations;
         const Eigen::VectorXd lambda = search.lambda();
@@ -353,8 +365,7 @@ class InteriorPoint {
  private:
   /// The energy that the residual is compared with, in units of SparseProblem::lambda.
   template <int Dim>
-  static double energy(const DualProblem<Dim>& problem, const Workspace<Dim>&,
-                       const SparseProblem& sparse) {
+  static double energy(const DualProblem<Dim>& problem, const SparseProblem& sparse) {
     double of_stress = 0, least = 0;
     for (const auto& cone : sparse.cones)
       of_stress += cone.scale * jordan::dot(sparse.lambda.data() + cone.row,
@@ -380,33 +391,34 @@ class InteriorPoint {
         first_ = path_.residuals(point_);
         first_tau_ = energy_ / static_cast<double>(path_.cones());
       }
-      const bool by_arc = iterations_ > params_.newton_iterations;
-      const auto coupling =
-          !by_arc && lagged_ > 0 ? Path::Coupling::lagged : Path::Coupling::full;
-      if (!path_.factorise(point_, coupling))
-        return false;
-      return by_arc ? arc_step() : newton_step(coupling);
+      if (iterations_ > params_.newton_iterations)
+        return path_.factorise(point_, Path::Coupling::full) && arc_step();
+      if (lagged_ == 0) {
+        if (!path_.factorise(point_, Path::Coupling::full))
+          return false;
+        if (path_.sign() > 0)
+          return newton_step();
+        lagged_ = 20;
+      }
+      --lagged_;
+      return path_.factorise(point_, Path::Coupling::lagged) && newton_step();
     }
 
    private:
-    bool newton_step(Path::Coupling coupling) {
+    bool newton_step() {
       const auto left = path_.residuals(point_);
       const double tau = path_.energy(point_);
       const Eigen::VectorXd square = path_.square();
       const auto affine = path_.direction(left, -square);
       const double reach = path_.longest(point_, affine, 1);
-      const double then = path_.energy(
-          {point_.v, point_.x + reach * affine.x, point_.z + reach * affine.z});
+      const double then =
+          path_.energy({point_.v, point_.x + reach * affine.x, point_.z + reach * affine.z});
       double centring = std::clamp(std::pow(then / tau, 3), 1e-6, 1.0);
       if (reach < 0.1)
         centring = std::max(centring, 0.5);
       const auto step = path_.direction(left, centring * tau * path_.identity() - square -
                                                   path_.second_order(affine));
       const double length = std::min(1.0, 0.99 * path_.longest(point_, step, 2));
-      if (coupling == Path::Coupling::lagged)
-        --lagged_;
-      else if (length < 0.3)
-        lagged_ = 8;
       return move(step, length);
     }
 
