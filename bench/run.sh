@@ -5,6 +5,8 @@
 #     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes;
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
+#     sh bench/run.sh profile [--out DIR]                               global solvers on 48 problems that it records; an hour,
+#         goes on where it was stopped
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 #     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
 #     sh bench/run.sh ranks [--out DIR] [--quick] [--ranks N...]        1, 2, 4, ... ranks of MPI, phase by phase, 5 minutes
@@ -14,9 +16,9 @@ set -eu
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/bench
 case ${1:-} in
-  local | global | step | scaling | ranks | accuracy) name=$1; shift ;;
-  -h | --help) sed -n '3,11s/^# \{0,1\}//p' "$0"; exit 0 ;;
-  *) echo "which benchmark? sh $0 local | global | step | scaling | ranks | accuracy" >&2; exit 2 ;;
+  local | global | profile | step | scaling | ranks | accuracy) name=$1; shift ;;
+  -h | --help) sed -n '3,13s/^# \{0,1\}//p' "$0"; exit 0 ;;
+  *) echo "which benchmark? sh $0 local | global | profile | step | scaling | ranks | accuracy" >&2; exit 2 ;;
 esac
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
@@ -51,6 +53,21 @@ if [ "$name" = accuracy ]; then
   exit
 fi
 
+solve="$build/bench/bench_global_solver"
+if [ "$name" = profile ]; then
+  "$build/bench/record_global_problems" "$out"
+  for problem in "$out"/*.talus; do
+    result=$out/profile_$(basename "$problem" .talus).json
+    [ -s "$result" ] && continue
+    "$solve" --profile --json --repetitions 2 --problem "$problem" > "$result.part" \
+      --solver accelerated accelerated-secular plain coulomb-secular interior-point
+    mv "$result.part" "$result"
+  done
+  "$python" "$root/bench/profile.py" "$out"
+  echo "$out/profile.png, profile.md"
+  exit
+fi
+
 if [ "$name" = step ]; then
   "$python" "$root/bench/step.py" "$build" "$out" "$@"
   echo "$out/step.json, .md, .png"
@@ -69,23 +86,25 @@ if [ "$name" = ranks ]; then
   exit
 fi
 
-solve="$build/bench/bench_global_solver"
 echo "residuals against time"
-"$solve" --json --history --tol 1e-6 --max-sweeps 3000 --repetitions 2 --cold \
+sweeps="accelerated accelerated-secular plain plain-secular coulomb-secular coulomb-newton"
+# shellcheck disable=SC2086 # several words
+"$solve" --json --history --solver $sweeps --tol 1e-6 --max-sweeps 3000 --repetitions 2 --cold \
   --problem "$root"/bench/problems/b15_*.talus > "$out/histories.json"
 echo "recording problems at h, h/2, h/4"
-"$build/bench/record_global_problems" "$out"
+"$build/bench/record_global_problems" "$out" b15_2d_h1_flow b15_2d_h2_flow b15_2d_h4_flow \
+  b15_3d_h1_flow b15_3d_h2_flow
 echo "sweeps against resolution"
 for start in '' --cold; do
   # shellcheck disable=SC2086 # no word when warm
   "$solve" --json --repetitions 2 --max-sweeps 5000 $start --solver accelerated plain coulomb-secular \
-    --problem "$out"/b15_*_h*.talus > "$out/resolution_${start#--}.json"
+    --problem "$out"/b15_*_h*_flow.talus > "$out/resolution_${start#--}.json"
 done
 echo "threads"
 "$solve" --json --repetitions 5 --threads 1 --solver accelerated \
-  --problem "$out/b15_3d_h2.talus" > "$out/threads_1.json"
+  --problem "$out/b15_3d_h2_flow.talus" > "$out/threads_1.json"
 "$solve" --json --repetitions 5 --threads 2 --solver accelerated \
-  --problem "$out/b15_3d_h2.talus" > "$out/threads_2.json"
+  --problem "$out/b15_3d_h2_flow.talus" > "$out/threads_2.json"
 echo "creep against tolerance"
 "$build/bench/creep" tolerance > "$out/creep.csv"
 echo "creep against packing"

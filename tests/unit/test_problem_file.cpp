@@ -171,7 +171,7 @@ TEST_CASE("problem files that are not right are refused by name") {
     text.replace(text.find(from), from.size(), to);
     return resealed(text);
   };
-  CHECK(contains(replaced("talus-problem 1", "talus-problem 3"), "version is 3"));
+  CHECK(contains(replaced("talus-problem 1", "talus-problem 4"), "version is 4"));
   CHECK(contains(replaced("cells 3 3", "cells 3 0"), "grid.cells.y is 0"));
   CHECK(contains(replaced("cells 3 3", "cells 3 x"), "cells"));
   CHECK(contains(replaced("cells 3 3", "cells 1 1"), "not on the grid"));

@@ -46,12 +46,9 @@ Contact<Dim> read_contact(ByteReader& reader) {
 
 /// Saves a dual problem with its present stresses and impulses: in Simulation::step(before_solve),
 /// the warm start; after the step, the solution. Throws std::runtime_error if the file cannot be
-/// written; an earlier file of that name is replaced only by a complete one. Throws
-/// std::invalid_argument for a problem with free bodies, which the format does not hold.
+/// written; an earlier file of that name is replaced only by a complete one.
 template <int Dim>
 void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& problem) {
-  if (!problem.bodies.empty())
-    throw_invalid("the number of free bodies in a problem file", problem.bodies.size(), "0");
   const auto& grid = problem.grid;
   Array<int> points; // whose velocity or mass is not zero
   for (int node = 0; node < grid.node_count(); ++node) {
@@ -68,7 +65,8 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
       out.number(value(a));
     out.text("\n");
   };
-  out.line("talus-problem", grid.any_periodic() ? 2 : 1);
+  const bool bodies = !problem.bodies.empty(); // in a box without periodic faces
+  out.line("talus-problem", bodies ? 3 : grid.any_periodic() ? 2 : 1);
   out.line("dimension", Dim);
   vector_line("cells", [&](int a) { return grid.cells(a); });
   vector_line("origin", grid.origin());
@@ -79,6 +77,10 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
   out.line("points", points.size());
   out.line("cones", problem.cones());
   out.line("contacts", problem.contacts.size());
+  if (bodies) {
+    out.line("bodies", problem.bodies.size());
+    out.line("body_contacts", problem.body_contacts.size());
+  }
   for (const int point : points) {
     const std::size_t j = static_cast<std::size_t>(point);
     out.raw(static_cast<std::int32_t>(point));
@@ -93,13 +95,27 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
     out.raw(problem.node_volume[i]);
     out.raw(problem.stress_impulse[i]);
   }
-  for (const Contact<Dim>& contact : problem.contacts) {
+  const auto write_contact = [&](const Contact<Dim>& contact) {
     out.raw(static_cast<std::int32_t>(contact.node));
     out.raw(static_cast<std::int32_t>(contact.boundary_id));
     out.raw(contact.normal);
     out.raw(contact.wall_velocity);
     out.raw(contact.friction);
     out.raw(contact.impulse);
+  };
+  for (const Contact<Dim>& contact : problem.contacts)
+    write_contact(contact);
+  for (const FreeBody<Dim>& body : problem.bodies) {
+    out.raw(body.velocity);
+    out.raw(body.angular_velocity);
+    out.raw(body.inverse_mass);
+    out.raw(body.inverse_inertia);
+  }
+  for (const BodyContact<Dim>& contact : problem.body_contacts) {
+    write_contact(contact);
+    out.raw(static_cast<std::int32_t>(contact.body));
+    out.raw(contact.arm);
+    out.raw(contact.inverse_mass);
   }
   out.seal();
   AtomicFile file(path);
@@ -126,8 +142,8 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   detail::ByteReader in(path);
   int version = 0, dimension = 0;
   in.line("talus-problem", version);
-  if (version != 1 && version != 2)
-    in.fail("its version is " + std::to_string(version) + "; allowed: 1 or 2");
+  if (version < 1 || version > 3)
+    in.fail("its version is " + std::to_string(version) + "; allowed: 1, 2 or 3");
   in.line("dimension", dimension);
   if (dimension != Dim)
     in.fail("its dimension is " + std::to_string(dimension) + "; expected: " + std::to_string(Dim));
@@ -156,6 +172,11 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   in.line("points", points);
   in.line("cones", cones);
   in.line("contacts", contacts);
+  std::size_t bodies = 0, body_contacts = 0;
+  if (version == 3) {
+    in.line("bodies", bodies);
+    in.line("body_contacts", body_contacts);
+  }
   try {
     SmallArray<bool, Dim> axes{};
     for (int a = 0; a < Dim; ++a)
@@ -245,6 +266,31 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   for (const Contact<Dim>& c : problem.contacts)
     if (!(contact_inverse_mass(problem, c) > 0))
       in.fail("a contact is at a node that cannot move");
+  in.need(bodies, sizeof(Vec<Dim>));
+  in.need(body_contacts, sizeof(Vec<Dim>));
+  for (std::size_t b = 0; b < bodies; ++b) {
+    FreeBody<Dim> body;
+    in.raw(body.velocity);
+    in.raw(body.angular_velocity);
+    in.raw(body.inverse_mass);
+    in.raw(body.inverse_inertia);
+    if (!(body.inverse_mass >= 0))
+      in.fail("the mass of a body is negative");
+    problem.bodies.push_back(body);
+  }
+  for (std::size_t c = 0; c < body_contacts; ++c) {
+    BodyContact<Dim> of_body;
+    static_cast<Contact<Dim>&>(of_body) = detail::read_contact<Dim>(in);
+    std::int32_t body = -1;
+    in.raw(body);
+    in.raw(of_body.arm);
+    in.raw(of_body.inverse_mass);
+    if (body < 0 || static_cast<std::size_t>(body) >= bodies || of_body.node >= grid.node_count() ||
+        !(of_body.inverse_mass > 0))
+      in.fail("a contact of a body has no body, no node or no mass");
+    of_body.body = body;
+    problem.body_contacts.push_back(of_body);
+  }
   if (!in.at_end())
     in.fail("it is longer than it says");
   return problem;

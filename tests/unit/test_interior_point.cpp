@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: MIT
+// The interior-point solver: its cone algebra, the sparse form of a problem, and residuals that
+// sweeps do not reach.
+
+#include "talus/boundary/body.hpp"
+#include "talus/cone/secular.hpp"
+#include "talus/io/problem_file.hpp"
+#include "talus/solver/interior_point.hpp"
+#include "talus/solver/sweeps_then_interior_point.hpp"
+
+#include "../physics/scenes.hpp"
+#include "../support/files.hpp"
+#include "../support/pile.hpp"
+
+#include <doctest/doctest.h>
+
+#include <cmath>
+
+using namespace talus;
+
+static_assert(Solver<InteriorPoint, 2> && Solver<InteriorPoint, 3>);
+static_assert(Solver<SweepsThenInteriorPoint, 2> && Solver<SweepsThenInteriorPoint, 3>);
+
+namespace {
+
+/// The problem of a later step of a small moving pile, with its warm start.
+template <int Dim>
+DualProblem<Dim> pile(double mu, int steps = 3) {
+  auto sim = support::small_pile<Dim, GaussSeidel<>>(1e-4, mu);
+  DualProblem<Dim> problem;
+  for (int k = 0; k < steps; ++k)
+    CHECK(sim.step([&](const DualProblem<Dim>& p) { problem = p; }).completed());
+  return problem;
+}
+
+/// A ball that has fallen into sand.
+DualProblem<2> with_ball() {
+  auto params = scenes::box<2>({0.2, 0, 0.16}, {10, 1, 8}, 0, 0.44);
+  auto ball = ball_body<2>({0.1, 0.09}, 0.03, 3000, 0.3);
+  ball.start.velocity[1] = -1;
+  params.bodies.push_back(ball);
+  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 0, 0.2, 0, 0.06, 0.5));
+  DualProblem<2> problem;
+  for (int k = 0; k < 5; ++k)
+    CHECK(sim.step([&](const DualProblem<2>& p) { problem = p; }).completed());
+  CHECK(problem.body_contacts.size() > 0);
+  return problem;
+}
+
+template <int Dim, class SolverT>
+SolveReport solve(DualProblem<Dim>& problem, double tolerance, int threads = 1) {
+  typename SolverT::Params params;
+  params.tolerance = tolerance;
+  if constexpr (requires { params.max_sweeps; })
+    params.max_sweeps = 200000;
+  typename SolverT::template Workspace<Dim> workspace;
+  return SolverT(params).solve(problem, workspace, Execution(threads));
+}
+
+template <int Dim>
+double difference(const DualProblem<Dim>& a, const DualProblem<Dim>& b) {
+  double of = 0, size = 0;
+  for (std::size_t j = 0; j < a.velocity.size(); ++j) {
+    of += (a.velocity[j] - b.velocity[j]).squaredNorm();
+    size += b.velocity[j].squaredNorm();
+  }
+  return std::sqrt(of / size);
+}
+
+/// The rows of the sparse form say what the operators say.
+template <int Dim>
+void same_algebra(const DualProblem<Dim>& problem) {
+  constexpr int s = symmetric_size<Dim>;
+  const SparseForm<Dim> form(problem);
+  const SparseProblem& sparse = form.sparse;
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(sparse.unknowns);
+  sparse.add_forces(sparse.lambda.data(), force.data());
+  Eigen::SparseLU<Eigen::SparseMatrix<double>> mass(sparse.mass);
+  const Eigen::VectorXd v = mass.solve(force);
+  Eigen::VectorXd gamma = Eigen::Map<const Eigen::VectorXd>(sparse.start.data(), sparse.rows());
+  sparse.add_rates(v.data(), gamma.data());
+  const Stencil<Dim> stencil(problem.grid);
+  double error = 0;
+  std::size_t number = 0;
+  for (std::size_t i = 0; i < problem.cones(); ++i) {
+    const double trace = diagonal_block(problem, stencil, i).trace();
+    if (!(trace > 0))
+      continue;
+    Vec<s> expected = integrated_strain_rate(problem, stencil, i);
+    expected[0] += problem.free_volume_rate[i];
+    const auto& cone = sparse.cones[number++];
+    CHECK(cone.size == s);
+    error = std::max(error, (gamma.segment<s>(cone.row) - expected).norm());
+    CHECK(std::abs(2 * cone.scale * s - trace) < 1e-12 * trace); // W of 2 λ is half of W
+  }
+  for (std::size_t c = 0; c < problem.body_contacts.size(); ++c) {
+    const auto& contact = problem.body_contacts[c];
+    const auto& cone = sparse.cones[number + problem.contacts.size() + c];
+    const Vec<Dim> w = relative_velocity(problem, contact) - contact.wall_velocity;
+    error = std::max(error, std::abs(gamma[cone.row] - w.dot(contact.normal)));
+    CHECK(std::abs(gamma.segment<Dim>(cone.row).norm() - w.norm()) < 1e-12);
+  }
+  CHECK(error < 1e-12 * gamma.norm());
+  DualProblem<Dim> back = problem;
+  remove_impulses(back, stencil);
+  form.put(sparse.lambda.data(), back, Execution());
+  CHECK(difference(back, problem) < 1e-12);
+}
+
+template <int Dim>
+void reaches(double mu) {
+  CAPTURE(mu);
+  DualProblem<Dim> problem = pile<Dim>(mu), threaded = problem;
+  const SolveReport report = solve<Dim, InteriorPoint>(problem, 1e-8);
+  CHECK(report.status == SolveStatus::converged);
+  CHECK(report.residual.l2 <= 1e-8);
+  CHECK(report.iterations < 60);
+  CHECK(solve<Dim, InteriorPoint>(threaded, 1e-8, 3).iterations == report.iterations);
+  CHECK(threaded.velocity == problem.velocity);
+}
+
+} // namespace
+
+TEST_CASE("Jordan algebra: products, quotients, the scaling, the way to the edge") {
+  const double x[] = {2, 0.3, -0.4, 1.2}, z[] = {1, -0.2, 0.6, 0.1};
+  double xz[4], back[4], wz[4], inverse[4], twice[4];
+  jordan::product(x, z, 4, xz);
+  jordan::divide(xz, x, 4, back);
+  const jordan::Scaling scaling(x, z, 4);
+  scaling.apply(z, 4, false, wz);
+  scaling.apply(x, 4, true, inverse);
+  scaling.squared(z, 4, twice);
+  for (int k = 0; k < 4; ++k) {
+    CHECK(std::abs(back[k] - z[k]) < 1e-14);
+    CHECK(std::abs(wz[k] - inverse[k]) < 1e-14); // W z = W⁻¹ x
+    CHECK(std::abs(twice[k] - x[k]) < 1e-14);    // W² z = x
+  }
+  const double out[] = {-1, 1, 0.5, -2}, in[] = {3, 1, 0, 0};
+  const double t = jordan::step_to_boundary(x, out, 4);
+  double edge[4];
+  for (int k = 0; k < 4; ++k)
+    edge[k] = x[k] + t * out[k];
+  CHECK(edge[0] > 0);
+  CHECK(std::abs(jordan::determinant(edge, 4)) < 1e-14);
+  CHECK(std::isinf(jordan::step_to_boundary(x, in, 4)));
+}
+
+TEST_CASE("the sparse form of a problem is the same algebra") {
+  same_algebra<2>(pile<2>(0.44));
+  same_algebra<3>(pile<3>(0.44));
+  same_algebra<2>(with_ball());
+}
+
+TEST_CASE("interior points reach 1e-8, with much friction too, for any number of threads") {
+  for (const double mu : {0.0, 0.1, 0.44, 2.0})
+    reaches<2>(mu);
+  reaches<3>(0.44);
+}
+
+TEST_CASE("interior points and sweeps agree") {
+  DualProblem<2> problem = pile<2>(0.2), by_sweeps = problem;
+  CHECK(solve<2, InteriorPoint>(problem, 1e-8).status == SolveStatus::converged);
+  CHECK(solve<2, GaussSeidel<SecularSolver>>(by_sweeps, 1e-8).status == SolveStatus::converged);
+  CHECK(difference(problem, by_sweeps) < 1e-6);
+}
+
+TEST_CASE("interior points take over where sweeps do not arrive, and not before") {
+  DualProblem<2> hard = pile<2>(2), easy = hard;
+  SweepsThenInteriorPoint::Workspace<2> workspace;
+  const auto run = [&](double tolerance, DualProblem<2>& problem) {
+    return SweepsThenInteriorPoint({.tolerance = tolerance, .max_sweeps = 30})
+        .solve(problem, workspace, Execution());
+  };
+  CHECK(GaussSeidel<>({.tolerance = 1e-8, .max_sweeps = 30})
+            .solve(easy, workspace.sweeps, Execution())
+            .status == SolveStatus::not_converged);
+  const SolveReport by_both = run(1e-8, hard);
+  CHECK(by_both.status == SolveStatus::converged);
+  CHECK(by_both.iterations > 30);
+  CHECK(run(1e-2, easy).iterations < 30);
+}
+
+TEST_CASE("by arc length alone, from the start of the path") {
+  DualProblem<2> problem = pile<2>(0.9);
+  InteriorPoint::Params params;
+  params.newton_iterations = 1;
+  InteriorPoint::Workspace<2> workspace;
+  const SolveReport report = InteriorPoint(params).solve(problem, workspace, Execution());
+  CHECK(report.status == SolveStatus::converged);
+}
+
+TEST_CASE("problems with free bodies: in files bit for bit, and solved") {
+  const support::Folder folder;
+  DualProblem<2> problem = with_ball();
+  write_problem(folder / "a.talus", problem);
+  DualProblem<2> read = read_problem<2>(folder / "a.talus");
+  write_problem(folder / "b.talus", read);
+  CHECK(support::content(folder / "a.talus") == support::content(folder / "b.talus"));
+  CHECK(solve<2, InteriorPoint>(read, 1e-8).status == SolveStatus::converged);
+  CHECK(solve<2, GaussSeidel<>>(problem, 1e-6).status == SolveStatus::converged);
+  CHECK(difference(read, problem) < 1e-4);
+  CHECK(std::abs(read.bodies[0].velocity[1] - problem.bodies[0].velocity[1]) < 1e-4);
+}
+
+TEST_CASE("a simulation with interior points, and wrong parameters") {
+  const auto bed = [] {
+    auto params = scenes::box<2>({0.2, 0, 0.1}, {10, 1, 5}, 15, 0.44);
+    Simulation<2, ConstantFriction, PolyPic, InteriorPoint>::Params with;
+    with.grid = params.grid;
+    with.material = params.material;
+    with.gravity = params.gravity;
+    with.time_step = params.time_step;
+    with.rheology = params.rheology;
+    with.faces = params.faces;
+    return with;
+  }();
+  Simulation<2, ConstantFriction, PolyPic, InteriorPoint> sim(
+      bed, scenes::block<2>(bed.grid, 0, 0.2, 0, 0.06));
+  for (int k = 0; k < 5; ++k) {
+    const StepReport report = sim.step();
+    CHECK(report.solve.status == SolveStatus::converged);
+    CHECK(report.solve.residual.l2 <= 1e-8);
+  }
+  CHECK(support::contains(
+      support::message_of<std::invalid_argument>([] { InteriorPoint({.tolerance = 0}); }),
+      "solver.tolerance is 0"));
+  CHECK_THROWS_AS(InteriorPoint({.newton_iterations = 0}), std::invalid_argument);
+  CHECK_THROWS_AS(InteriorPoint({.max_iterations = 0}), std::invalid_argument);
+}
