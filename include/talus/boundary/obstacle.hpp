@@ -53,6 +53,14 @@ class Obstacle {
     return 1;
   }
 
+  /// Signed distance (m) of x from the surface, by which free bodies touch it; see SignedDistance.
+  /// The friction and velocity that they meet are those of contact() there. Not given: infinity,
+  /// bodies pass through it. frame: that at `time`, see frame().
+  virtual double distance(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/, double /*time*/,
+                          const RigidState<Dim>& /*frame*/) const {
+    return std::numeric_limits<double>::infinity();
+  }
+
   // What saves time. A step asks for the frame once, and for the rest at nodes next to the box.
 
   /// Where the obstacle's own frame is at `time` (s), and how it moves. Not given: at rest in that
