@@ -119,4 +119,13 @@ std::shared_ptr<const AnyObstacle> make_obstacle(typename AnyObstacle::Params pa
   return std::make_shared<const AnyObstacle>(std::move(params));
 }
 
+/// The same for an obstacle of your own without Params, from what its constructor takes:
+/// make_obstacle<Belt>(0.03, 0.2, 0.4).
+template <class AnyObstacle, class... Args>
+requires(!requires {
+  typename AnyObstacle::Params;
+}) std::shared_ptr<const AnyObstacle> make_obstacle(Args&&... args) {
+  return std::make_shared<const AnyObstacle>(std::forward<Args>(args)...);
+}
+
 } // namespace talus
