@@ -26,6 +26,7 @@
 #include "talus/rheology/viscosity.hpp"
 #include "talus/solver/solver.hpp"
 #include "talus/solver/viscous_solver.hpp"
+#include "talus/step/body_contacts.hpp"
 #include "talus/step/boundaries.hpp"
 #include "talus/step/contacts.hpp"
 #include "talus/step/exchange.hpp"
@@ -113,8 +114,9 @@ class Simulation {
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
-  /// has no positive volume, a velocity that is not finite or the id of another, or if some place
-  /// is filled twice (Packing::densest). A box may be empty.
+  /// has no positive volume, a velocity that is not finite or the id of another, if some place is
+  /// filled twice (Packing::densest), or if a corner of a body starts in another body or an
+  /// obstacle. A box may be empty.
   explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)),
         execution_(params_.threads, params_.ranks ? &params_.ranks->communicator() : nullptr),
@@ -167,6 +169,10 @@ class Simulation {
                            state_.bodies);
     problem_.bodies.resize(state_.bodies.size());
     solids_ = SolidsAtCones<Dim>(boundaries());
+    if (!params_.bodies.empty()) {
+      solids_.place(boundaries());
+      check_bodies_apart(boundaries(), solids_);
+    }
     state_.stress_impulse.assign(nodes(), Vec<cone_size>::Zero());
     wrenches_.resize(boundaries().sources());
   }
@@ -214,7 +220,7 @@ class Simulation {
     work_.touched.clear();
     for (const BodyContact<Dim>& contact : problem_.body_contacts)
       work_.touched.push_back(contact);
-    collect_body_contacts(boundaries(), work_.touched, node_order_, state_.time_step,
+    collect_body_contacts(boundaries(), solids_, work_.touched, node_order_, state_.time_step,
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
@@ -291,7 +297,7 @@ class Simulation {
   // functions throw std::invalid_argument before the first step and after restore().
 
   // Force and torque, the mean over δt. What the material and free bodies do to a face of the box
-  // or an obstacle, and what material and faces do to a body (gravity left out). Where several
+  // or an obstacle, and what all that it touches does to a body (gravity left out). Where several
   // faces that stick meet, they share the tangential force of their common nodes.
   const Wrench<Dim>& face_wrench(int axis, bool upper) const {
     require_step("face_wrench");

@@ -31,11 +31,10 @@ std::size_t allocations_of_a_warm_step(int threads) {
   using Sim = Simulation<Dim, WithViscosity<WithCohesion<MuOfI>>, PolyPic, GaussSeidel<>>;
   CollapseSetup setup = support::b15();
   auto params = support::collapse_params<Sim>(setup, Vec<3>(0.04, 0.02, 0.02), 1.66e-3);
-  params.rheology = {
-      .law = {.law = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
-                      .inertial = {.grain_diameter = 5e-4, .density = 1470, .strain_factor = 1}},
-              .cohesion = 5},
-      .viscosity = 0.1};
+  params.rheology = {.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.279},
+                     .inertial = {.grain_diameter = 5e-4, .density = 1470, .strain_factor = 1},
+                     .cohesion = 5,
+                     .viscosity = 0.1};
   params.friction_updates = 3;
   params.threads = threads;
   // a roller and a ball in the bed

@@ -106,8 +106,8 @@ Scene<Chute<Dim>> chute() {
   params.faces = plain.faces;
   for (int a = 0; a < up_axis<Dim>; ++a)
     params.faces.lower[a].kind = params.faces.upper[a].kind = FaceKind::periodic;
-  params.rheology.law.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.28};
-  params.rheology.law.inertial = {.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
+  params.rheology.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.28};
+  params.rheology.inertial = {.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
   params.rheology.viscosity = 2;
   params.friction_updates = 2;
   params.packing.even = true;

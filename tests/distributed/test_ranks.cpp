@@ -352,6 +352,14 @@ void check_pieces(const scenes::Scene<S>& scene, int before) {
   if (!scene.params.bodies.empty()) {
     CHECK(most_of_ranks(static_cast<std::int64_t>(run.sim.state().contacts.size())) > 0);
     CHECK(run.sim.state().body_contacts.size() > 1);
+    int with_bodies = 0, with_obstacles = 0;
+    for (const auto& contact : run.sim.problem().body_contacts) {
+      const bool pushes = contact.impulse.norm() > 0;
+      with_bodies += pushes && contact.other >= 0;
+      with_obstacles += pushes && contact.boundary_id == 2 * S::dimension;
+    }
+    CHECK(with_bodies > 0);
+    CHECK(with_obstacles > 0);
   }
   const std::string there = run.checksum();
   run.step(20);
@@ -374,11 +382,24 @@ void check_pieces(const scenes::Scene<S>& scene, int before) {
   MPI_Comm_free(&some);
 }
 
-/// Bodies on what slides on the bottom.
+/// Bodies on what slides on the bottom, beside an obstacle, and a block that falls on both.
 template <int Dim>
 scenes::Scene<scenes::Sim<Dim>> contacts() {
   auto scene = scenes::impact<Dim>();
-  scene.params.faces.lower[up_axis<Dim>] = {.kind = FaceKind::frictional, .friction = 0.3};
+  auto& params = scene.params;
+  params.faces.lower[up_axis<Dim>] = {.kind = FaceKind::frictional, .friction = 0.3};
+  Vec<Dim> centre = Vec<Dim>::Constant(0.1), size = Vec<Dim>::Constant(0.06);
+  centre[0] = 0.14;
+  centre[up_axis<Dim>] = 0.202;
+  size[0] = 0.16;
+  size[up_axis<Dim>] = 0.04;
+  params.bodies.push_back(block_body<Dim>(centre, size, 2000, 0.4));
+  params.bodies.back().start.velocity[up_axis<Dim>] = -1.5;
+  Vec<Dim> corner = Vec<Dim>::Constant(1), foot = Vec<Dim>::Constant(-1);
+  foot[0] = 0.242;
+  foot[up_axis<Dim>] = 0.112;
+  params.obstacles.push_back(make_obstacle<ShapeObstacle<Dim>>(
+      {.shape = shapes::Box<Dim>(foot, corner), .friction = 0.2}));
   return scene;
 }
 

@@ -28,7 +28,7 @@ static_assert(talus::SignedDistance<Ripples, 2>);
 class Belt final : public talus::Obstacle<2> {
  public:
   Belt(double height, double speed, double friction)
-      : height_(height), speed_(speed), friction_(friction) {}
+      : floor_({0, height}, {0, 1}), speed_(speed), friction_(friction) {}
 
   std::optional<talus::ObstacleContact<2>>
   contact(const talus::Vec<2>& x, const talus::Vec<2>& spacing, double /*time*/) const override {
@@ -44,13 +44,18 @@ class Belt final : public talus::Obstacle<2> {
     return look(x, spacing).open_fraction;
   }
 
- private:
-  talus::NodeInSolid<2> look(const talus::Vec<2>& x, const talus::Vec<2>& spacing) const {
-    const talus::shapes::HalfSpace<2> floor({0, height_}, {0, 1});
-    return talus::node_in_solid<2>(floor, x, spacing);
+  double distance(const talus::Vec<2>& x, const talus::Vec<2>& /*spacing*/, double /*time*/,
+                  const talus::RigidState<2>& /*frame*/) const override {
+    return floor_.distance(x); // free bodies touch it
   }
 
-  double height_, speed_, friction_;
+ private:
+  talus::NodeInSolid<2> look(const talus::Vec<2>& x, const talus::Vec<2>& spacing) const {
+    return talus::node_in_solid<2>(floor_, x, spacing);
+  }
+
+  talus::shapes::HalfSpace<2> floor_;
+  double speed_, friction_;
 };
 // [obstacle]
 
@@ -64,19 +69,19 @@ int main() {
   params.time_step = 1e-3;
   params.rheology.mu = 0.44;
   params.faces = talus::Faces<2>::all({talus::FaceKind::free_slip});
-  params.obstacles = {std::make_shared<Belt>(0.03, 0.2, 0.4),
+  params.obstacles = {talus::make_obstacle<Belt>(0.03, 0.2, 0.4),
                       // a plough that swings about a point above the sand
-                      std::make_shared<talus::ShapeObstacle<2>>(talus::ShapeObstacle<2>::Params{
-                          .shape = talus::shapes::Capsule<2>({0, 0}, {0, -0.15}, 0.02),
-                          .friction = 0.3,
-                          .motion = [](double t) {
-                            talus::RigidState<2> state;
-                            state.position = {0.4, 0.25};
-                            state.rotation =
-                                talus::rotation_by<2>(talus::Spin<2>(0.5 * std::sin(3 * t)));
-                            state.angular_velocity[0] = 1.5 * std::cos(3 * t);
-                            return state;
-                          }})};
+                      talus::make_obstacle<talus::ShapeObstacle<2>>(
+                          {.shape = talus::shapes::Capsule<2>({0, 0}, {0, -0.15}, 0.02),
+                           .friction = 0.3,
+                           .motion = [](double t) {
+                             talus::RigidState<2> state;
+                             state.position = {0.4, 0.25};
+                             state.rotation =
+                                 talus::rotation_by<2>(talus::Spin<2>(0.5 * std::sin(3 * t)));
+                             state.angular_velocity[0] = 1.5 * std::cos(3 * t);
+                             return state;
+                           }})};
   // a stone that floats in the sand, or does not
   params.bodies = {talus::ball_body<2>({0.15, 0.16}, 0.03, 2600, 0.4)};
 

@@ -53,7 +53,7 @@ Sim make_scene() {
   params.faces.upper[1] = {talus::FaceKind::open};
 
   const double angle = std::numbers::pi / 6;
-  params.obstacles.push_back(std::make_shared<Ramp>(
+  params.obstacles.push_back(talus::make_obstacle<Ramp>(
       talus::Vec<2>(0.2, 0), talus::Vec<2>(std::sin(angle), std::cos(angle)), 0.4));
 
   const talus::Grid<2> grid(params.grid);

@@ -81,10 +81,10 @@ int main() {
 
   // [additions]
   using Mud = talus::WithViscosity<talus::WithCohesion<talus::MuOfI>>;
-  const double mud = front<Mud>(
-      {.law = {.law = {.law = {.mu_static = 0.3, .mu_limit = 0.6, .I_0 = 0.3}, .inertial = beads},
-               .cohesion = 150}, // c, Pa
-       .viscosity = 5});         // η, Pa s
+  const double mud = front<Mud>({.law = {.mu_static = 0.3, .mu_limit = 0.6, .I_0 = 0.3},
+                                 .inertial = beads,
+                                 .cohesion = 150,  // Pa
+                                 .viscosity = 5}); // Pa s
   // [additions]
 
   const double angle = front<RestAngle>({.degrees = 23.75});

@@ -37,11 +37,10 @@ typename Sim<Dim>::Params box(double cell, const Index<Dim>& cells, double mu) {
     params.grid.size[a] = cell * cells[a];
   params.material.density = density;
   params.time_step = 1e-3;
-  params.rheology.law.law = {
-      .law = {.mu_static = mu, .mu_limit = mu, .I_0 = 1},
-      .inertial = {.grain_diameter = 1e-3, .density = density, .strain_factor = 1}};
-  params.rheology.law.cohesion = 0;
-  params.rheology.viscosity = 0;
+  params.rheology = {.law = {.mu_static = mu, .mu_limit = mu, .I_0 = 1},
+                     .inertial = {.grain_diameter = 1e-3, .density = density, .strain_factor = 1},
+                     .cohesion = 0,
+                     .viscosity = 0};
   params.gravity.setZero();
   params.faces = Faces<Dim>::all({FaceKind::open});
   params.faces.lower[up_axis<Dim>].kind = FaceKind::no_slip;
@@ -75,7 +74,7 @@ double movement_of_cut(double mu, double load) {
   auto params = box<2>(h, {30, 15}, mu);
   params.faces.lower[0].kind = FaceKind::free_slip;
   params.gravity = {0, -g};
-  params.rheology.law.cohesion = density * g * height / load;
+  params.rheology.cohesion = density * g * height / load;
   params.solver.max_sweeps = 300; // falling need not be exact
   const auto particles = block<2>(params, {0, 0}, {1.25 * height, height});
   Sim<2> sim(params, particles);
@@ -91,7 +90,7 @@ Sim<2> strand(double load) {
   params.faces.lower[1].kind = FaceKind::open;
   params.faces.upper[1].kind = FaceKind::no_slip;
   params.gravity = {0, -g};
-  params.rheology.law.cohesion = density * g * length * (1 + mu) / (2 * load);
+  params.rheology.cohesion = density * g * length * (1 + mu) / (2 * load);
   return Sim<2>(params, block<2>(params, {0.05, 0.24 - length}, {0.15, 0.24}));
 }
 
@@ -203,7 +202,7 @@ TEST_CASE("a cohesive strand carries its weight up to the strength 2 c/(1 + mu)"
 TEST_CASE("a cohesive blob holds together, moves on as it did, and is at rest if it was") {
   for (const double speed : {0.0, 0.1}) {
     auto params = box<2>(0.01, {40, 40}, 0.4);
-    params.rheology.law.cohesion = 100;
+    params.rheology.cohesion = 100;
     auto particles = block<2>(params, {0.12, 0.12}, {0.28, 0.28});
     const auto start = particles.position;
     for (std::size_t p = 0; p < particles.size(); ++p) // drawn apart, and on its way
@@ -261,10 +260,9 @@ TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
   for (const Convention convention : {Convention{2, density}, Convention{1, density / 0.6}}) {
     const double factor = convention.factor, inertial_density = convention.density;
     auto params = layer(cells, 40, height, 26);
-    params.rheology.law.law = {.law = glass,
-                               .inertial = {.grain_diameter = diameter,
-                                            .density = inertial_density,
-                                            .strain_factor = factor}};
+    params.rheology.law = glass;
+    params.rheology.inertial = {
+        .grain_diameter = diameter, .density = inertial_density, .strain_factor = factor};
     const double slope = std::tan(26 * std::numbers::pi / 180);
     const double I = 0.279 * (slope - 0.38) / (0.64 - slope);
     Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
@@ -283,8 +281,8 @@ TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
 TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {
   for (const int updates : {1, 50}) {
     auto params = layer(8, 6, 0.1, 26);
-    params.rheology.law.law = {
-        .law = glass, .inertial = {.grain_diameter = 0.05, .density = density, .strain_factor = 1}};
+    params.rheology.law = glass;
+    params.rheology.inertial = {.grain_diameter = 0.05, .density = density, .strain_factor = 1};
     params.friction_updates = updates;
     params.friction_tolerance = 1e-4;
     Sim<2> sim(params, block<2>(params, {0, 0}, {0.4, 0.1}));
@@ -296,7 +294,7 @@ TEST_CASE("friction updates within a step: mu belongs to the strain rate and pre
       most = std::max(most, report.friction_updates);
     }
     // mu(I) of what was found against the mu that it was found with
-    const InertialNumber inertial = params.rheology.law.law.inertial;
+    const InertialNumber inertial = params.rheology.inertial;
     const MuOfICurve& law = glass;
     double change2 = 0, sum2 = 0;
     const Stencil<2> stencil(sim.grid());
@@ -327,11 +325,9 @@ TEST_CASE("the same bits with any number of threads, viscous, cohesive and updat
   std::string first;
   for (const int threads : {1, 3}) {
     auto params = layer(8, 6, 0.1, 26);
-    params.rheology = {.law = {.law = {.law = glass,
-                                       .inertial = {.grain_diameter = 0.01,
-                                                    .density = density,
-                                                    .strain_factor = 1}},
-                               .cohesion = 20},
+    params.rheology = {.law = glass,
+                       .inertial = {.grain_diameter = 0.01, .density = density, .strain_factor = 1},
+                       .cohesion = 20,
                        .viscosity = 2};
     params.friction_updates = 3;
     params.threads = threads;
@@ -356,11 +352,11 @@ TEST_CASE("what is added to a rheology refuses nonsense by name and value") {
   const auto good = box<2>(0.01, {20, 20}, 0.4);
   CHECK(message(good).empty());
   auto bad = good;
-  bad.rheology.law.cohesion = -1;
+  bad.rheology.cohesion = -1;
   CHECK(message(bad) == "rheology.cohesion is -1; allowed: a finite number >= 0");
   bad = box<2>(0.01, {20, 20}, 0);
   CHECK(message(bad).empty());
-  bad.rheology.law.cohesion = 5;
+  bad.rheology.cohesion = 5;
   CHECK(message(bad) == "rheology.cohesion is 5; allowed: 0 where there is no friction");
   bad = good;
   bad.rheology.viscosity = -2;
@@ -382,7 +378,7 @@ TEST_CASE("what is added to a rheology refuses nonsense by name and value") {
 TEST_CASE("momentum is what gravity gives and the floor takes, by viscous and cohesive stress") {
   auto params = box<2>(0.01, {40, 20}, 0.3);
   params.gravity = {3, -g};
-  params.rheology.law.cohesion = 200;
+  params.rheology.cohesion = 200;
   params.rheology.viscosity = 20;
   const auto particles = block<2>(params, {0.1, 0}, {0.2, 0.15});
   Sim<2> sim(params, particles);

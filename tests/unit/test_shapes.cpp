@@ -73,6 +73,17 @@ static_assert(SignedDistance<Ball<2>, 2> && SignedDistance<Cylinder, 3> &&
               !SignedDistance<Vec<2>, 2>);
 static_assert(SignedDistance<Complement<Ball<3>>, 3> && SignedDistance<Shape<2>, 2>);
 
+TEST_CASE("shapes of shapes whose type is forgotten") {
+  const Shape<2> left = shapes::Ball<2>({0, 0}, 1), right = shapes::Ball<2>({1, 0}, 1);
+  const Shape<2> moon = shapes::difference(left, right), again = shapes::difference(left, moon);
+  const Shape<2> outside = shapes::Complement(moon), whole = shapes::Union(moon, left);
+  CHECK(moon.distance({-0.5, 0}) == -0.5);
+  CHECK(moon.distance({0.5, 0}) == 0.5);
+  CHECK(again.distance({0.5, 0}) == -0.5);
+  CHECK(outside.distance({-0.5, 0}) == 0.5);
+  CHECK(whole.distance({0.5, 0}) == -0.5);
+}
+
 TEST_CASE("distances of solids are exact") {
   is_exact<2>(HalfSpace<2>({0.1, 0.2}, {1, 2}), true);
   is_exact<3>(HalfSpace<3>({0.1, 0.2, 0}, {1, 2, -1}), true);

@@ -6,6 +6,7 @@
 #include "talus/core/symmetric.hpp"
 #include "talus/particles.hpp"
 #include "talus/solver/viscous_solver.hpp"
+#include "talus/step/body_contacts.hpp"
 #include "talus/step/contacts.hpp"
 #include "talus/step/face_conditions.hpp"
 #include "talus/step/free_bodies.hpp"
@@ -141,7 +142,7 @@ void check_body_contacts() {
     const BlockOrder<Dim> order(s.grid);
     collect_touched_nodes(s.bounds(), s.solids, order, s.problem);
     const Array<BodyContact<Dim>> touched = s.problem.body_contacts;
-    collect_body_contacts(s.bounds(), touched, order, 0.125, {last, ratio}, s.problem);
+    collect_body_contacts(s.bounds(), s.solids, touched, order, 0.125, {last, ratio}, s.problem);
   };
   const auto& contacts = s.problem.body_contacts;
   const auto check = [&](std::size_t c, int node, int id, const Vec<Dim>& normal, double friction) {

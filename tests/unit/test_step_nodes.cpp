@@ -50,8 +50,7 @@ void check_inertial_number() {
   const InertialNumber inertial{.grain_diameter = 0.5, .density = 2, .strain_factor = 4};
   using Sticky = WithCohesion<MuOfI>;
   const Sticky law(
-      {.law = {.law = {.mu_static = 0.25, .mu_limit = 0.5, .I_0 = 1}, .inertial = inertial},
-       .cohesion = 6});
+      {.law = {.mu_static = 0.25, .mu_limit = 0.5, .I_0 = 1}, .inertial = inertial, .cohesion = 6});
   const MuOfI& loose = law;
   const Stencil<Dim> stencil(s.grid);
   s.problem.stress_impulse[0][0] = normal_from_mean<Dim>(2);
@@ -281,8 +280,9 @@ TEST_CASE("free bodies: the gaps of turned corners to all faces but open ones") 
   state.rotation << 0, -1, 1, 0; // the corner at (1.5, 1.75)
   using Gap = std::tuple<std::size_t, int, bool, double>;
   std::vector<Gap> gaps;
-  for_each_corner_gap(s.grid, s.faces, body, state,
-                      [&](auto... gap) { gaps.emplace_back(gap...); });
+  for (const std::size_t c : {0, 1})
+    for_each_face_gap(s.grid, s.faces, corner_at(body, state, c), body.corner_radius,
+                      [&](auto... gap) { gaps.emplace_back(c, gap...); });
   CHECK(gaps == std::vector<Gap>{{0, 0, false, 0.375},
                                  {0, 0, true, 1.375},
                                  {0, 1, false, 0.625},

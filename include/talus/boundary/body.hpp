@@ -14,20 +14,23 @@
 
 namespace talus {
 
-/// A free rigid body: gravity, the material and the faces of the box move it, and it moves them.
-/// \f[ M\, ΔV = M g\, δt − \sum_k r_k, \quad J\, Δω = −\sum_k a_k × r_k, \f]
-/// with the impulses r of its contacts, on arms a, solved together with the stresses. Against faces
-/// it is its corners that touch, each a ball of corner_radius.
+/// A free rigid body: gravity, the material, faces, obstacles and other bodies move it, and it
+/// moves material and bodies. \f[ M\, ΔV = M g\, δt − \sum_k r_k, \quad J\, Δω = −\sum_k a_k × r_k,
+/// \f] with the impulses r of its contacts, on arms a, solved together with the stresses. What
+/// touches solids are its corners, each a ball of corner_radius: at faces, at Obstacle::distance,
+/// and at the shape of another body. There is no bounce.
 template <int Dim>
 struct Body {
   Shape<Dim> shape; ///< in its own frame, the origin at the centre of mass
   double mass = 0;  ///< M, kg (kg/m in 2-D); > 0
   Mat<spin_size<Dim>> inertia = Mat<spin_size<Dim>>::Zero(); ///< J in its own frame, kg m² (kg m in
                                                              ///< 2-D); positive definite
-  double friction = not_given;   ///< μ_w against the material, and against sticking faces
+  double friction = not_given;   ///< μ_w against the material, faces that stick, and bodies: the
+                                 ///< lower one of two
   RigidState<Dim> start{};       ///< at time 0
   bool rotates = true;           ///< false: held upright, as by guides that take no force
-  std::vector<Vec<Dim>> corners; ///< in its own frame, m; none: it passes through faces
+  std::vector<Vec<Dim>> corners; ///< in its own frame, m; none: it passes through faces and
+                                 ///< obstacles
   double corner_radius = 0;      ///< m
 
   /// Throws std::invalid_argument if a parameter is out of range.
@@ -105,11 +108,15 @@ Body<Dim> ball_body(const Vec<Dim>& centre, double radius, double density, doubl
   return body;
 }
 
-/// A block of uniform density. centre, size (edges): m; density: kg/m³.
+/// A block of uniform density. centre, size (edges): m; density: kg/m³. rounding: radius of its
+/// corners in smallest edges, in [0, 1/2]. Sharp ones (0) catch on each other where blocks slide
+/// over edges. The material sees it sharp.
 template <int Dim>
-Body<Dim> block_body(const Vec<Dim>& centre, const Vec<Dim>& size, double density,
-                     double friction) {
+Body<Dim> block_body(const Vec<Dim>& centre, const Vec<Dim>& size, double density, double friction,
+                     double rounding = 0.1) {
   require_positive("block: density", density);
+  if (!(rounding >= 0 && rounding <= 0.5))
+    throw_invalid("block: rounding", rounding, "a number in [0, 1/2]");
   Body<Dim> body;
   body.shape = shapes::Box<Dim>(-size / 2, size / 2);
   body.mass = density * size.prod();
@@ -120,8 +127,9 @@ Body<Dim> block_body(const Vec<Dim>& centre, const Vec<Dim>& size, double densit
     body.inertia = (Vec<3>::Constant(squares.sum()) - squares).asDiagonal();
   body.friction = friction;
   body.start.position = centre;
+  body.corner_radius = rounding * size.minCoeff();
   for (int c = 0; c < 1 << Dim; ++c) {
-    Vec<Dim> corner = size / 2;
+    Vec<Dim> corner = size / 2 - Vec<Dim>::Constant(body.corner_radius);
     for (int a = 0; a < Dim; ++a)
       if ((c >> a & 1) == 0)
         corner[a] = -corner[a];

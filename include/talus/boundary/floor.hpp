@@ -2,7 +2,9 @@
 #pragma once
 
 #include "talus/boundary/obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 
 #include <optional>
@@ -43,6 +45,14 @@ class Floor final : public Obstacle<Dim> {
       return std::nullopt;
     return ObstacleContact<Dim>{Vec<Dim>::Unit(up), -params_.sink_speed * Vec<Dim>::Unit(up),
                                 params_.friction};
+  }
+
+  double distance(const Vec<Dim>& x, const Vec<Dim>& /*spacing*/, double /*time*/,
+                  const RigidState<Dim>& /*frame*/) const override {
+    constexpr int up = up_axis<Dim>;
+    const double from_centre = (x - params_.centre).template head<up>().norm();
+    return shapes::detail::product_distance<2>(
+        {x[up] - params_.height, params_.opening / 2 - from_centre});
   }
 
  private:

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
@@ -107,6 +108,13 @@ class Gate final : public Obstacle<Dim> {
     contact.velocity = speed(time) * Vec<Dim>::Unit(up);
     contact.friction = params_.friction;
     return contact;
+  }
+
+  double distance(const Vec<Dim>& x, const Vec<Dim>& /*spacing*/, double time,
+                  const RigidState<Dim>& /*frame*/) const override {
+    const double half = params_.thickness / 2;
+    return shapes::detail::product_distance<2>(
+        {std::abs(x[0] - params_.position - half) - half, bottom(time) - x[up_axis<Dim>]});
   }
 
  private:

@@ -53,6 +53,14 @@ class Obstacle {
     return 1;
   }
 
+  /// Signed distance (m) of x from the surface, by which free bodies touch it; see SignedDistance.
+  /// The friction and velocity that they meet are those of contact() there. Not given: infinity,
+  /// bodies pass through it. frame: that at `time`, see frame().
+  virtual double distance(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/, double /*time*/,
+                          const RigidState<Dim>& /*frame*/) const {
+    return std::numeric_limits<double>::infinity();
+  }
+
   // What saves time. A step asks for the frame once, and for the rest at nodes next to the box.
 
   /// Where the obstacle's own frame is at `time` (s), and how it moves. Not given: at rest in that
@@ -109,6 +117,15 @@ void check_open_share(std::size_t number, const Vec<Dim>& x, double share) {
 template <class AnyObstacle>
 std::shared_ptr<const AnyObstacle> make_obstacle(typename AnyObstacle::Params params) {
   return std::make_shared<const AnyObstacle>(std::move(params));
+}
+
+/// The same for an obstacle of your own without Params, from what its constructor takes:
+/// make_obstacle<Belt>(0.03, 0.2, 0.4).
+template <class AnyObstacle, class... Args>
+requires(!requires {
+  typename AnyObstacle::Params;
+}) std::shared_ptr<const AnyObstacle> make_obstacle(Args&&... args) {
+  return std::make_shared<const AnyObstacle>(std::forward<Args>(args)...);
 }
 
 } // namespace talus

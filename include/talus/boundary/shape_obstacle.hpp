@@ -52,6 +52,11 @@ class ShapeObstacle final : public Obstacle<Dim> {
     return at_node(x, spacing, time, state(time)).open_fraction;
   }
 
+  double distance(const Vec<Dim>& x, const Vec<Dim>& /*spacing*/, double /*time*/,
+                  const RigidState<Dim>& frame) const override {
+    return Posed<Dim>{params_.shape, frame}.distance(x);
+  }
+
   RigidState<Dim> frame(double time) const override { return state(time); }
   Vec<Dim> half_box(double far) const override { return talus::half_box<Dim>(params_.shape, far); }
 

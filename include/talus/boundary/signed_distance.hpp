@@ -43,11 +43,16 @@ class Shape {
  public:
   /// Nothing yet: distance() must not be called.
   Shape() = default;
+  // Not SignedDistance, whose copies would ask for this constructor again: Complement<Shape>, say,
+  // is made of a Shape.
   template <class S>
-  requires(!std::same_as<S, Shape>) &&
-      SignedDistance<S, Dim> Shape(
-          S shape) // NOLINT(google-explicit-constructor): a solid is a Shape
-      : distance_([s = std::move(shape)](const Vec<Dim>& x) { return distance_to<Dim>(s, x); }) {}
+  requires(!std::same_as<S, Shape>) && requires(const S s, const Vec<Dim> x) {
+    { s.distance(x) } -> std::convertible_to<double>;
+  }
+  Shape(S shape) // NOLINT(google-explicit-constructor): a solid is a Shape
+      : distance_([s = std::move(shape)](const Vec<Dim>& x) { return distance_to<Dim>(s, x); }) {
+    static_assert(SignedDistance<S, Dim>, "a shape must be copyable");
+  }
 
   bool empty() const { return !distance_; }
   /// m; throws as distance_to.

@@ -41,7 +41,7 @@ namespace talus::distributed {
 
 namespace detail {
 
-inline constexpr std::string_view pieces_format = "talus-pieces 1";
+inline constexpr std::string_view pieces_format = "talus-pieces 2";
 inline constexpr std::string_view piece_format = "talus-piece 1";
 
 /// What the list says of a piece.
@@ -157,6 +157,7 @@ void write_list(const std::filesystem::path& path, const Sim& sim, std::size_t g
     put_index(out, contact.node < 0 ? Index<dim>{} : order.node_at(contact.place));
     out.raw(contact.boundary_id);
     out.raw(contact.body);
+    out.raw(contact.point);
     out.raw(contact.impulse);
   }
   file.commit();
@@ -186,7 +187,7 @@ PieceList read_list(talus::detail::ByteReader& in, const Sim& sim, const NodeBox
   list.notes = in.take(length);
   in.raw(state.gravity);
   talus::detail::take_bodies(in, sim.bodies().size(), state.bodies);
-  in.need(body_contacts, sizeof(int) * (Dim + 3) + sizeof(double) * Dim);
+  in.need(body_contacts, sizeof(int) * (Dim + 4) + sizeof(double) * Dim);
   for (std::size_t k = 0; k < body_contacts; ++k) {
     BodyContact<Dim>& contact = state.body_contacts.emplace_back();
     in.raw(contact.node);
@@ -195,6 +196,7 @@ PieceList read_list(talus::detail::ByteReader& in, const Sim& sim, const NodeBox
       contact.node = share.add_node(index);
     in.raw(contact.boundary_id);
     in.raw(contact.body);
+    in.raw(contact.point);
     in.raw(contact.impulse);
   }
   if (!in.at_end())

@@ -16,25 +16,38 @@
 
 namespace talus {
 
-/// u_j − V − ω × arm, m/s; a face of the box does not move.
+/// V + ω × arm, m/s.
 template <int Dim>
-Vec<Dim> relative_velocity(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
-  const FreeBody<Dim>& body = problem.bodies[contact.body];
-  const Vec<Dim> of_body = plus<Dim>(body.velocity, cross<Dim>(body.angular_velocity, contact.arm));
-  if (contact.node < 0)
-    return scaled<Dim>(-1, of_body);
-  return minus<Dim>(problem.velocity[contact.node].template head<Dim>(), of_body);
+Vec<Dim> velocity_at(const FreeBody<Dim>& body, const Vec<Dim>& arm) {
+  return plus<Dim>(body.velocity, cross<Dim>(body.angular_velocity, arm));
 }
 
-/// Adds `impulse` (Dim, N s) to the node and takes it from the body.
+/// Adds `impulse` (Dim, N s), on `arm` (m), to a body.
+template <int Dim>
+void push(FreeBody<Dim>& body, const Vec<Dim>& arm, const Vec<Dim>& impulse) {
+  body.velocity = plus_scaled<Dim>(body.velocity, body.inverse_mass, impulse);
+  const Spin<Dim> turn = product<spin_size<Dim>>(body.inverse_inertia, torque<Dim>(arm, impulse));
+  body.angular_velocity = plus<spin_size<Dim>>(body.angular_velocity, turn);
+}
+
+/// u − V − ω × arm, m/s: u is 0 at a face or an obstacle.
+template <int Dim>
+Vec<Dim> relative_velocity(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
+  const Vec<Dim> of_body = velocity_at(problem.bodies[contact.body], contact.arm);
+  if (contact.node >= 0)
+    return minus<Dim>(problem.velocity[contact.node].template head<Dim>(), of_body);
+  if (contact.other >= 0)
+    return minus<Dim>(velocity_at(problem.bodies[contact.other], contact.other_arm), of_body);
+  return scaled<Dim>(-1, of_body);
+}
+
+/// Adds `impulse` (Dim, N s) to the node or the other body, and takes it from the body.
 template <int Dim>
 void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
                    const Vec<Dim>& impulse) {
-  FreeBody<Dim>& body = problem.bodies[contact.body];
-  body.velocity = plus_scaled<Dim>(body.velocity, -body.inverse_mass, impulse);
-  const Spin<Dim> turn =
-      product<spin_size<Dim>>(body.inverse_inertia, torque<Dim>(contact.arm, impulse));
-  body.angular_velocity = minus<spin_size<Dim>>(body.angular_velocity, turn);
+  push<Dim>(problem.bodies[contact.body], contact.arm, scaled<Dim>(-1, impulse));
+  if (contact.other >= 0)
+    push(problem.bodies[contact.other], contact.other_arm, impulse);
   if (contact.node < 0)
     return;
   const int j = contact.node;
@@ -42,19 +55,26 @@ void apply_impulse(DualProblem<Dim>& problem, const BodyContact<Dim>& contact,
     problem.velocity[j][a] += problem.inverse_mass[j][a] * impulse[a];
 }
 
-/// A bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg: the trace of the last
-/// term, and the largest of the others.
+/// A bound of the eigenvalues of I/M − [arm]× J⁻¹ [arm]×, 1/kg: the trace of the last term.
+template <int Dim>
+double inverse_mass_at(const FreeBody<Dim>& body, const Vec<Dim>& arm) {
+  double sum = body.inverse_mass;
+  for (int a = 0; a < Dim; ++a) { // column a of [arm]×
+    const Spin<Dim> column = torque<Dim>(arm, Vec<Dim>(Vec<Dim>::Unit(a)));
+    sum += dot<spin_size<Dim>>(column, product<spin_size<Dim>>(body.inverse_inertia, column));
+  }
+  return sum;
+}
+
+/// See BodyContact::inverse_mass.
 template <int Dim>
 double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<Dim>& contact) {
-  const FreeBody<Dim>& body = problem.bodies[contact.body];
-  double of_body = body.inverse_mass;
-  for (int a = 0; a < Dim; ++a) { // column a of [arm]×
-    const Spin<Dim> arm = torque<Dim>(contact.arm, Vec<Dim>(Vec<Dim>::Unit(a)));
-    of_body += dot<spin_size<Dim>>(arm, product<spin_size<Dim>>(body.inverse_inertia, arm));
-  }
-  if (contact.node < 0)
-    return of_body;
-  return of_body + problem.inverse_mass[contact.node].maxCoeff();
+  const double of_body = inverse_mass_at(problem.bodies[contact.body], contact.arm);
+  if (contact.node >= 0)
+    return of_body + problem.inverse_mass[contact.node].maxCoeff();
+  if (contact.other >= 0)
+    return of_body + inverse_mass_at(problem.bodies[contact.other], contact.other_arm);
+  return of_body;
 }
 
 /// All ranks visit all contacts of free bodies, each in its own copy: the velocities of the nodes

@@ -39,15 +39,20 @@ struct FreeBody {
   Mat<spin_size<Dim>> inverse_inertia = Mat<spin_size<Dim>>::Zero(); ///< in the box's frame
 };
 
-/// A contact of a free body with a node, or with a face of the box: the law of Contact with
-/// w = u_j − V − ω × arm − wall_velocity; −r acts on the body. n points out of the body.
+/// A contact of a free body with a node, or of one of its corners with a face of the box, an
+/// obstacle or another body: the law of Contact with w = u − V − ω × arm − wall_velocity, u the
+/// velocity of the node, of the other body there, or 0; −r acts on the body, r on what it touches.
+/// n points out of the body.
 template <int Dim>
-struct BodyContact : Contact<Dim> { ///< node: < 0 on a face, −1 − number of the body's corner
+struct BodyContact : Contact<Dim> { ///< node: < 0 of a corner, −1 − its number
   int body = 0;
+  int point = 0;                   ///< which of the contacts of a corner with one solid
+  int other = -1;                  ///< the other body, or −1
   std::size_t place = 0;           ///< of the node in BlockOrder::place; corners come after all
   Vec<Dim> arm = Vec<Dim>::Zero(); ///< from the centre of mass, m
-  double inverse_mass =
-      0; ///< a bound of the eigenvalues of W = M_j⁻¹ + I/M − [arm]× J⁻¹ [arm]×, 1/kg
+  Vec<Dim> other_arm = Vec<Dim>::Zero(); ///< from that of the other body, m
+  double inverse_mass = 0; ///< a bound of the eigenvalues of W, 1/kg: the sum of M_j⁻¹ and
+                           ///< I/M − [arm]× J⁻¹ [arm]× of what moves
 };
 
 /// Cones and contacts that one thread visits in sequence; see dual/colouring.hpp.

@@ -35,7 +35,7 @@ namespace talus {
 namespace detail {
 
 inline constexpr std::string_view checkpoint_kind = "talus-checkpoint ";
-inline constexpr std::string_view checkpoint_format = "talus-checkpoint 4";
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 5";
 /// Of a list of the pieces that ranks have written, see distributed/checkpoint.hpp.
 inline constexpr std::string_view pieces_kind = "talus-pieces ";
 
@@ -330,6 +330,7 @@ void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
     out.raw(contact.node);
     out.raw(contact.boundary_id);
     out.raw(contact.body);
+    out.raw(contact.point);
     out.raw(contact.impulse);
   }
   file.commit();
@@ -370,12 +371,13 @@ std::string read_checkpoint(const std::filesystem::path& path, Sim& sim) {
     in.raw(contact.impulse);
   }
   detail::take_bodies(in, sim.bodies().size(), state.bodies);
-  in.need(body_contacts, 3 * sizeof(int));
+  in.need(body_contacts, 4 * sizeof(int));
   state.body_contacts.resize(body_contacts);
   for (BodyContact<dim>& contact : state.body_contacts) {
     in.raw(contact.node);
     in.raw(contact.boundary_id);
     in.raw(contact.body);
+    in.raw(contact.point);
     in.raw(contact.impulse);
   }
   if (!in.at_end())

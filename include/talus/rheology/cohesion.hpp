@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/rheology/modified.hpp"
 #include "talus/rheology/rheology.hpp"
 
 #include <concepts>
@@ -19,18 +20,19 @@ concept Cohesive = Rheology<R> && requires(const R r) {
   { r.cohesion() } -> std::convertible_to<double>;
 };
 
-/// Adds cohesion to a rheology. Its other parameters stand in `.law`.
-template <Rheology Law>
+/// Adds cohesion to a rheology. Its parameters, with `.cohesion` (c, Pa; ≥ 0) among them: see
+/// rheology/modified.hpp.
+template <class Law>
 class WithCohesion : public Law {
+  static_assert(Rheology<Law>);
+
  public:
-  struct Params {
-    typename Law::Params law{};
-    double cohesion = not_given; ///< c, Pa; ≥ 0
-  };
+  using Params = ParamsOf<WithCohesion>;
 
   /// Throws std::invalid_argument if a parameter is out of range, or if there is cohesion but no
   /// friction: that cone has no apex.
-  explicit WithCohesion(const Params& params) : Law(params.law), cohesion_(params.cohesion) {
+  explicit WithCohesion(const Params& params)
+      : Law(params_of_law<Law>(params)), cohesion_(params.cohesion) {
     require_given_non_negative("rheology.cohesion", cohesion_);
     for (const double I : {0.0, std::numeric_limits<double>::infinity()})
       if (cohesion_ > 0 && !(this->friction(I) > 0))

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/error.hpp"
+#include "talus/rheology/modified.hpp"
 #include "talus/rheology/rheology.hpp"
 
 #include <concepts>
@@ -15,17 +16,18 @@ concept Viscous = Rheology<R> && requires(const R r) {
   { r.viscosity() } -> std::convertible_to<double>;
 };
 
-/// Adds a Newtonian part to a rheology. Its other parameters stand in `.law`.
-template <Rheology Law>
+/// Adds a Newtonian part to a rheology. Its parameters, with `.viscosity` (η, Pa s; ≥ 0) among
+/// them: see rheology/modified.hpp.
+template <class Law>
 class WithViscosity : public Law {
+  static_assert(Rheology<Law>);
+
  public:
-  struct Params {
-    typename Law::Params law{};
-    double viscosity = not_given; ///< η, Pa s; ≥ 0
-  };
+  using Params = ParamsOf<WithViscosity>;
 
   /// Throws std::invalid_argument if a parameter is out of range.
-  explicit WithViscosity(const Params& params) : Law(params.law), viscosity_(params.viscosity) {
+  explicit WithViscosity(const Params& params)
+      : Law(params_of_law<Law>(params)), viscosity_(params.viscosity) {
     require_given_non_negative("rheology.viscosity", viscosity_);
   }
 

@@ -1,21 +1,14 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
-#include "talus/core/grid.hpp"
-#include "talus/core/rigid_motion.hpp"
-#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
-#include "talus/dual/body_contact.hpp"
-#include "talus/dual/colouring.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
-#include "talus/step/free_bodies.hpp"
 #include "talus/step/solids.hpp"
 
 #include <algorithm>
@@ -34,6 +27,7 @@ struct ContactPlace {
   int body = 0;         ///< 0 for contacts of no free body
   std::size_t node = 0; ///< place of the node; corners of bodies come after all nodes
   int boundary_id = 0;
+  int point = 0; ///< of a corner, see BodyContact
 
   friend auto operator<=>(const ContactPlace&, const ContactPlace&) = default;
 };
@@ -156,81 +150,6 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
       });
     }
   });
-}
-
-/// Contacts of the free bodies with the nodes of this rank that carry cones, by body, then node,
-/// without their impulses. solids: with what each cone sees.
-template <int Dim>
-void collect_touched_nodes(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& solids,
-                           const BlockOrder<Dim>& order, DualProblem<Dim>& problem) {
-  problem.body_contacts.clear();
-  for (const auto& held : solids.held_by_bodies(bounds)) {
-    const std::size_t b = held.first;
-    const int node = problem.node[held.second];
-    if (!(problem.inverse_mass[node].maxCoeff() > 0))
-      continue; // it cannot move
-    const Index<Dim> index = bounds.grid.node_index(node);
-    const Vec<Dim> x = bounds.grid.node_position(index);
-    BodyContact<Dim> contact;
-    contact.body = static_cast<int>(b);
-    contact.boundary_id = bounds.body_id(b);
-    contact.friction = bounds.bodies[b].friction;
-    contact.node = node;
-    contact.place = order.place(index);
-    contact.normal = solids.in_body(bounds, b, x).normal;
-    contact.arm = minus<Dim>(x, bounds.body_states[b].position);
-    problem.body_contacts.push_back(contact);
-  }
-}
-
-/// Contacts of the free bodies with the nodes that `touched` has, by body, then place, and of their
-/// corners with faces. time_step: s.
-template <int Dim>
-void collect_body_contacts(const Boundaries<Dim>& bounds, const Array<BodyContact<Dim>>& touched,
-                           const BlockOrder<Dim>& order, double time_step,
-                           LastImpulses<BodyContact<Dim>> impulses, DualProblem<Dim>& problem) {
-  const Grid<Dim>& grid = bounds.grid;
-  problem.body_contacts.clear();
-  const auto add = [&](BodyContact<Dim> contact) {
-    impulses.warm_start(contact, [](const BodyContact<Dim>& c) {
-      return ContactPlace{c.body, c.place, c.boundary_id};
-    });
-    contact.inverse_mass = contact_inverse_mass(problem, contact);
-    problem.body_contacts.push_back(contact);
-  };
-  auto next = touched.begin();
-  for (std::size_t b = 0; b < bounds.bodies.size(); ++b) {
-    const Body<Dim>& body = bounds.bodies[b];
-    const RigidState<Dim>& state = bounds.body_states[b];
-    for (; next != touched.end() && next->body == static_cast<int>(b); ++next)
-      add(*next);
-    if (has_left(grid, state.position, bounds.body_reach[b]))
-      continue; // there is no face out there
-    const FreeBody<Dim>& free = problem.bodies[b];
-    const double way =
-        time_step * (norm<Dim>(free.velocity) +
-                     norm<spin_size<Dim>>(free.angular_velocity) * bounds.body_reach[b]);
-    for_each_corner_gap(
-        grid, bounds.faces, body, state, [&](std::size_t c, int axis, bool upper, double gap) {
-          if (gap > std::max(grid.spacing()[axis], 2 * way))
-            return; // it does not come there in this step
-          const Face& face = upper ? bounds.faces.upper[axis] : bounds.faces.lower[axis];
-          BodyContact<Dim> touch;
-          touch.node = -1 - static_cast<int>(c);
-          touch.place = place_of(grid, order, touch.node);
-          touch.boundary_id = bounds.face_id(axis, upper);
-          touch.body = static_cast<int>(b);
-          touch.normal[axis] = upper ? 1 : -1;
-          touch.arm = plus_scaled<Dim>(product<Dim>(state.rotation, body.corners[c]),
-                                       body.corner_radius, touch.normal);
-          touch.wall_velocity =
-              scaled<Dim>(-gap / time_step, touch.normal); // it may come as near as that
-          touch.friction = face.kind == FaceKind::no_slip      ? body.friction
-                           : face.kind == FaceKind::frictional ? face.friction
-                                                               : 0;
-          add(touch);
-        });
-  }
 }
 
 } // namespace talus

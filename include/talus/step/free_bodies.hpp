@@ -66,18 +66,21 @@ bool has_left(const Grid<Dim>& grid, const Vec<Dim>& position, double reach) {
   return false;
 }
 
-/// Calls visit(corner, axis, upper, gap in m) for every corner and every face that is not free.
+/// Where the centre of a body's corner is, m.
+template <int Dim>
+Vec<Dim> corner_at(const Body<Dim>& body, const RigidState<Dim>& state, std::size_t corner) {
+  return plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[corner]));
+}
+
+/// Calls visit(axis, upper, gap in m) for every face that is not open: the gap to a ball.
 template <int Dim, class Visit>
-void for_each_corner_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const Body<Dim>& body,
-                         const RigidState<Dim>& state, const Visit& visit) {
-  for (std::size_t c = 0; c < body.corners.size(); ++c) {
-    const Vec<Dim> x = plus<Dim>(state.position, product<Dim>(state.rotation, body.corners[c]));
-    for (int a = 0; a < Dim; ++a) {
-      if (faces.lower[a].kind != FaceKind::open)
-        visit(c, a, false, x[a] - body.corner_radius - grid.origin()[a]);
-      if (faces.upper[a].kind != FaceKind::open)
-        visit(c, a, true, grid.upper()[a] - body.corner_radius - x[a]);
-    }
+void for_each_face_gap(const Grid<Dim>& grid, const Faces<Dim>& faces, const Vec<Dim>& centre,
+                       double radius, const Visit& visit) {
+  for (int a = 0; a < Dim; ++a) {
+    if (faces.lower[a].kind != FaceKind::open)
+      visit(a, false, centre[a] - radius - grid.origin()[a]);
+    if (faces.upper[a].kind != FaceKind::open)
+      visit(a, true, grid.upper()[a] - radius - centre[a]);
   }
 }
 
@@ -97,10 +100,12 @@ void check_body_start(const Body<Dim>& body, const Grid<Dim>& grid, const Faces<
   const double least = 2 * grid.spacing().minCoeff();
   if (!(thickness >= least))
     throw_invalid("a body's thickness", thickness, "at least two cells, " + text_of(least) + " m");
-  for_each_corner_gap(grid, faces, body, body.start, [&](std::size_t, int axis, bool, double gap) {
-    if (gap < -1e-9 * grid.size()[axis])
-      throw_invalid("the distance of a body's corner to a face", gap, ">= 0");
-  });
+  for (std::size_t c = 0; c < body.corners.size(); ++c)
+    for_each_face_gap(grid, faces, corner_at(body, body.start, c), body.corner_radius,
+                      [&](int axis, bool, double gap) {
+                        if (gap < -1e-9 * grid.size()[axis])
+                          throw_invalid("the distance of a body's corner to a face", gap, ">= 0");
+                      });
 }
 
 /// The bodies, and their states at the start, added to `states`; throws as check_body_start.

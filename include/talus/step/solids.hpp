@@ -136,6 +136,16 @@ class SolidsAtCones {
     return node_in_solid<Dim>(body, x, bounds.grid.spacing());
   }
 
+  /// The signed distance of x (m) from a solid, m; infinite if bodies pass through it.
+  double distance(const Boundaries<Dim>& bounds, std::size_t solid, const Vec<Dim>& x) const {
+    const std::size_t obstacles = bounds.obstacles.size();
+    if (solid < obstacles)
+      return bounds.obstacles[solid]->distance(x, bounds.grid.spacing(), bounds.time,
+                                               frame_[solid]);
+    return Posed<Dim>{bounds.bodies[solid - obstacles].shape, frame_[solid]}.distance(x);
+  }
+  const RigidState<Dim>& frame(std::size_t solid) const { return frame_[solid]; }
+
   /// Calls visit(obstacle) for those that hold the node of a cone, by their number.
   template <class Visit>
   void for_each_holding_obstacle(const Boundaries<Dim>& bounds, std::size_t cone,

@@ -31,7 +31,7 @@ struct SimulationState {
   Array<Vec<symmetric_size<Dim>>> stress_impulse; ///< λ, #nodes, Pa s: the warm start
   Array<Contact<Dim>> contacts; ///< node, boundary id and impulse of each: the warm start
   Array<RigidState<Dim>> bodies;
-  Array<BodyContact<Dim>> body_contacts; ///< node, boundary id, body and impulse of each
+  Array<BodyContact<Dim>> body_contacts; ///< node, boundary id, body, point and impulse of each
 };
 
 /// Throws std::invalid_argument unless gravity (m/s²), not_given by default, is finite.

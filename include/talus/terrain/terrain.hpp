@@ -95,6 +95,11 @@ class Terrain final : public Obstacle<Dim> {
     return seen;
   }
 
+  double distance(const Vec<Dim>& x, const Vec<Dim>& spacing, double /*time*/,
+                  const RigidState<Dim>& /*frame*/) const override {
+    return ground_at<Dim>(params_.height, x, spacing).distance(x);
+  }
+
  private:
   double friction_at(const Vec<Dim>& x) const {
     const double friction = params_.friction_at(x);
