@@ -312,11 +312,16 @@ class SparseForm {
     } else {
       const BodyContact<Dim>& of_body = free_.body_contacts[body_contact];
       relative = contact_velocity(of_body);
-      const int at = first_body_ + (Dim + spin_size<Dim>)*of_body.body;
-      for (int a = 0; a < Dim; ++a)
-        put_column(at + a, -Vec<Dim>::Unit(a));
-      for (int a = 0; a < spin_size<Dim>; ++a)
-        put_column(at + Dim + a, -cross<Dim>(Spin<Dim>::Unit(a), of_body.arm));
+      const auto put_body = [&](int body, const Vec<Dim>& arm, double sign) {
+        const int at = first_body_ + (Dim + spin_size<Dim>)*body;
+        for (int a = 0; a < Dim; ++a)
+          put_column(at + a, sign * Vec<Dim>::Unit(a));
+        for (int a = 0; a < spin_size<Dim>; ++a)
+          put_column(at + Dim + a, sign * cross<Dim>(Spin<Dim>::Unit(a), arm));
+      };
+      put_body(of_body.body, of_body.arm, -1);
+      if (of_body.other >= 0)
+        put_body(of_body.other, of_body.other_arm, 1);
     }
     add<Dim>(contact.friction, list, axes.transpose() * relative, axes.transpose() * impulse);
   }

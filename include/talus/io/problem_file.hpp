@@ -114,7 +114,9 @@ void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& pr
   for (const BodyContact<Dim>& contact : problem.body_contacts) {
     write_contact(contact);
     out.raw(static_cast<std::int32_t>(contact.body));
+    out.raw(static_cast<std::int32_t>(contact.other));
     out.raw(contact.arm);
+    out.raw(contact.other_arm);
     out.raw(contact.inverse_mass);
   }
   out.seal();
@@ -281,14 +283,18 @@ DualProblem<Dim> read_problem(const std::filesystem::path& path) {
   for (std::size_t c = 0; c < body_contacts; ++c) {
     BodyContact<Dim> of_body;
     static_cast<Contact<Dim>&>(of_body) = detail::read_contact<Dim>(in);
-    std::int32_t body = -1;
+    std::int32_t body = -1, other = -1;
     in.raw(body);
+    in.raw(other);
     in.raw(of_body.arm);
+    in.raw(of_body.other_arm);
     in.raw(of_body.inverse_mass);
-    if (body < 0 || static_cast<std::size_t>(body) >= bodies || of_body.node >= grid.node_count() ||
-        !(of_body.inverse_mass > 0))
+    const auto count = static_cast<std::ptrdiff_t>(bodies);
+    if (body < 0 || body >= count || other < -1 || other >= count || other == body ||
+        of_body.node >= grid.node_count() || !(of_body.inverse_mass > 0))
       in.fail("a contact of a body has no body, no node or no mass");
     of_body.body = body;
+    of_body.other = other;
     problem.body_contacts.push_back(of_body);
   }
   if (!in.at_end())
