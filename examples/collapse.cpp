@@ -183,6 +183,7 @@ int run(const Options& options, const Case& collapse) {
   params.solver.extrapolation = options.extrapolation;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
+  support::watch_budget<Sim>(options.run, params);
 
   talus::Seeding seeding;
   seeding.per_axis = options.per_axis.value_or(reference ? 6 : 3);

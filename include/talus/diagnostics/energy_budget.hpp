@@ -331,7 +331,7 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
     now_.within = sums[within];
     now_.potential = sums[potential];
     for (int a = 0; a < Dim; ++a)
-      moment_[a] = sums[moment + a];
+      momentum_of_particles_[a] = sums[moment + a];
   }
 
   void measure_levels(const ObservedStep<Dim, Real>& step) {
@@ -370,7 +370,7 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
     last_.boundaries.assign(sources, BoundaryWork());
     last_.to_grid = sums[other];
     last_.outside = record_.any ? before_.sum() - record_.now.sum() : 0;
-    momentum_.before = plus<Dim>(moment_, momentum_of_bodies(step));
+    momentum_.before = plus<Dim>(momentum_of_particles_, momentum_of_bodies(step));
     double all_mass = sums[other + 1];
     for (const Body<Dim>& body : step.bounds.bodies)
       all_mass += body.mass;
@@ -576,14 +576,14 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
 
   void finish(const ObservedStep<Dim, Real>& step) {
     const EnergyLevels moved = now_;
-    const Vec<Dim> moment = moment_;
+    const Vec<Dim> before = momentum_of_particles_;
     measure_levels(step);
     now_.bodies = moved.bodies;
     last_.exchanged = now_.sum() - moved.sum();
-    momentum_.exchanged = minus<Dim>(moment_, moment);
+    momentum_.exchanged = minus<Dim>(momentum_of_particles_, before);
     now_.bodies = energy_of_bodies(step, false);
     last_.turning = now_.bodies - moved.bodies;
-    momentum_.after = plus<Dim>(moment_, momentum_of_bodies(step));
+    momentum_.after = plus<Dim>(momentum_of_particles_, momentum_of_bodies(step));
     last_.closure = now_.sum() - before_.sum() - last_.sum();
     if (!record_.any)
       record_.start = before_;
@@ -602,7 +602,7 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
   EnergyTerms last_;
   MomentumTerms<Dim> momentum_;
   EnergyLevels before_, now_;          ///< of this step; `now` as far as it is
-  Vec<Dim> moment_ = Vec<Dim>::Zero(); ///< Σ m_p v_p
+  Vec<Dim> momentum_of_particles_ = Vec<Dim>::Zero();
   // Workspace.
   Array<Vec<Dim>> position_;   ///< of the particles before they moved, m
   Array<NodeVec<Dim>> change_; ///< Δu of the nodes, m/s; 2 u where no stress acts, see impact
