@@ -181,7 +181,7 @@ SINKS = [("friction of the medium", ["friction"]),
          ("gate, obstacles", ["obstacle_"]),
          ("free bodies", ["body_"]),
          ("collisions of the medium", ["impact"]),
-         ("voids that close", ["room", "cohesion"]),
+         ("room: voids, expansion", ["room", "cohesion"]),
          ("viscosity", ["viscosity"]),
          ("transfers", ["to_grid", "to_particles", "moved", "shifting", "held", "turning"]),
          ("solver's error", ["solver_error"])]
@@ -221,7 +221,7 @@ def energy_panel(axes, energy, unit):
             down = end
         else:
             up = end
-    axes.plot(time, released, color="black", lw=1.6, zorder=3, label="all: potential energy lost, and what came in")
+    axes.plot(time, released, color="black", lw=1.6, zorder=3, label="all that was released")
     axes.axhline(0, color="0.4", lw=0.8, zorder=3)
     axes.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"energy ({unit})")
     axes.margins(y=0.05)

@@ -204,7 +204,8 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
             Sums of{};
             term(static_cast<std::size_t>(i), of);
             for (int k = 0; k < count; ++k)
-              part[k].add(of[k]);
+              if (of[k] != 0) // many are not used
+                part[k].add(of[k]);
           }
           for (ExactSum& each : part)
             each.normalise();
