@@ -204,7 +204,6 @@ TEST_CASE("the mean profile across counts the rows at the walls half") {
         about((height(0) / 2 + height(1) + height(2) + height(3) + height(4) / 2) / 4));
   CHECK(mean.static_height.at(1) ==
         about((still(0) / 2 + still(1) + still(2) + still(3) + still(4) / 2) / 4));
-  CHECK(mean.height.at(1) > 2 * mean.static_height.at(1) * 0.9);
   CHECK(mean_profile(flow, 1).height.at(1) ==
         about((height(1) / 2 + height(2) + height(3) / 2) / 2));
   CHECK(mean_profile(flow, 0, 2.0).static_height == mean.height); // nothing is so fast

@@ -602,7 +602,7 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
   EnergyRecord record_;
   EnergyTerms last_;
   MomentumTerms<Dim> momentum_;
-  EnergyLevels before_, now_;          ///< of this step; `now` as far as it is
+  EnergyLevels before_, now_; ///< of this step; `now` as far as it is
   Vec<Dim> momentum_of_particles_ = Vec<Dim>::Zero();
   // Workspace.
   Array<Vec<Dim>> position_;   ///< of the particles before they moved, m
