@@ -215,7 +215,7 @@ TEST_CASE("energy: a column at rest loses nothing") {
 
 TEST_CASE("energy: the budget closes, whatever there is") {
   SUBCASE("gate and walls") {
-    const EnergyRecord record = budget_of(scenes::collapse<2>(), 60);
+    const EnergyRecord record = budget_of(scenes::collapse<2>(), 40);
     const BoundaryWork& gate = record.total.boundaries.at(4);
     CHECK(gate.friction < 0);
     CHECK(gate.motion > 0); // it rises
@@ -224,7 +224,7 @@ TEST_CASE("energy: the budget closes, whatever there is") {
     CHECK(std::abs(record.total.solver_error) < 1e-3 * -record.total.friction);
   }
   SUBCASE("gate and walls, 3-D") {
-    const EnergyRecord record = budget_of(scenes::collapse<3>(), 8);
+    const EnergyRecord record = budget_of(scenes::collapse<3>(), 5);
     CHECK(record.total.boundaries.at(2).friction < 0); // the side walls, alike
     CHECK(record.total.boundaries.at(3).friction ==
           support::about(record.total.boundaries.at(2).friction, 0.2));
@@ -244,10 +244,10 @@ TEST_CASE("energy: the budget closes, whatever there is") {
     CHECK(std::abs(record.total.turning) > 1e-9 * record.now.bodies);
   }
   SUBCASE("sources and sinks") {
-    CHECK(budget_of(scenes::fountain<2>(), 60).total.exchanged > 0);
+    CHECK(budget_of(scenes::fountain<2>(), 40).total.exchanged > 0);
   }
   SUBCASE("periodic, viscous, shifted") {
-    const EnergyRecord record = budget_of(scenes::chute<2>(), 30);
+    const EnergyRecord record = budget_of(scenes::chute<2>(), 15);
     CHECK(record.total.slope > 0);
     CHECK(record.total.viscosity < 0);
     CHECK(record.total.shifting != 0);
@@ -267,7 +267,7 @@ TEST_CASE("energy: the budget closes, whatever there is") {
       sand.add(x, Vec<2>::Zero(), plain.particles.volume[0]);
     const auto budget = watch<S>(params);
     S sim(params, sand);
-    for (int k = 0; k < 30; ++k)
+    for (int k = 0; k < 15; ++k)
       REQUIRE(sim.step().completed());
     CHECK(budget->record().largest_closure < 1e-13);
     CHECK(budget->record().now.kinetic > 0);

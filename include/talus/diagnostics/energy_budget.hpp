@@ -58,6 +58,8 @@ struct BoundaryWork {
 /// Where the energy of a step, or of all steps, came from (> 0) and went (< 0), J (2-D: J/m). The
 /// equations stand in docs/concepts/energy.md.
 struct EnergyTerms {
+  static constexpr int terms = 17; ///< without those of boundaries
+
   double to_grid = 0;   ///< particles → grid: velocities that differ at a node are averaged
   double friction = 0;  ///< of the medium: −Σ 2 μ̃ λ_N |γ_T|, <= 0
   double room = 0;      ///< −Σ 2 λ_N k: closing of voids under pressure (< 0), expansion (> 0)
@@ -88,7 +90,7 @@ struct EnergyTerms {
     return total;
   }
   void add(const EnergyTerms& more) {
-    double values[18];
+    SmallArray<double, terms> values;
     std::size_t k = 0;
     for_each(more, [&](const char*, double term) { values[k++] = term; });
     k = 0;
@@ -367,7 +369,10 @@ class EnergyBudget final : public StepObserver<Dim, Real> {
     now_.bodies = energy_of_bodies(step, false);
     before_ = now_;
     const std::size_t sources = step.bounds.sources();
+    Array<BoundaryWork> boundaries; // its memory is kept
+    boundaries.swap(last_.boundaries);
     last_ = {};
+    last_.boundaries.swap(boundaries);
     last_.boundaries.assign(sources, BoundaryWork());
     last_.to_grid = sums[other];
     last_.outside = record_.any ? before_.sum() - record_.now.sum() : 0;
