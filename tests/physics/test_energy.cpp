@@ -131,7 +131,7 @@ void sliding_layer(double tolerance) {
   const double mean = speed + acceleration * t / 2; // m/s
   const EnergyRecord& record = budget->record();
   const BoundaryWork& floor =
-      record.total.boundaries.at(Boundaries<Dim>::face_id(up_axis<Dim>, false));
+      record.total.boundaries[Boundaries<Dim>::face_id(up_axis<Dim>, false)];
   CHECK(floor.sum() == support::about(-mu * normal * mean * t, bound));
   CHECK(floor.motion == 0);
   const double gained = record.now.kinetic - record.start.kinetic;
@@ -166,7 +166,7 @@ void sliding_body() {
   const double way = sim.bodies()[0].position[0] - centre[0];
   const double normal = -body.mass * sim.gravity()[up_axis<Dim>];
   const BoundaryWork& floor =
-      record.total.boundaries.at(Boundaries<Dim>::face_id(up_axis<Dim>, false));
+      record.total.boundaries[Boundaries<Dim>::face_id(up_axis<Dim>, false)];
   CHECK(floor.friction == support::about(-mu * normal * way, 1e-7)); // at the end velocities
   CHECK(record.now.bodies - record.start.bodies ==
         support::about(floor.sum() + record.total.half_step, 1e-7));
