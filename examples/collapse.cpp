@@ -18,6 +18,7 @@
 #include "talus/diagnostics/quantiles.hpp"
 #include "talus/diagnostics/totals.hpp"
 #include "talus/io/csv.hpp"
+#include "talus/io/csv_table.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/scene/collapse.hpp"
 #include "talus/scene/fill.hpp"
@@ -28,10 +29,12 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace {
@@ -64,6 +67,7 @@ struct Options {
   bool until_rest = false;
   double static_threshold = 0.01; // m/s: what the paper calls flowing
   std::string profile_row = "wall";
+  std::vector<std::string> compare; // files
   support::RunOptions run{.vtk = "all", .section_row = "that of --profile-row"};
 };
 
@@ -123,13 +127,59 @@ Case load_case(const Options& options) {
 class Measurement {
  public:
   template <class Sim>
-  void sample(const Sim& sim, const talus::CollapseSetup& setup, const talus::Profile& profile) {
+  void sample(const Sim& sim, const talus::CollapseSetup& setup, const talus::Profile& profile,
+              double now) {
+    const double last_front = front, last_time = time;
     front = talus::front_position(profile, setup.bed_depth + threshold_height);
+    time = now;
+    speed = (front - last_front) / (time - last_time);
     height_wall = profile.height.front() - setup.bed_depth;
     volume = talus::volume_under_surface(sim, setup.side_wall_cells);
   }
   double front = 0, height_wall = 0, volume = 0;
+  double time = std::numeric_limits<double>::quiet_NaN(), speed = 0; // NaN: no sample before
 };
+
+/// Profiles of one instant across a 3-D channel, by the names that tables give them.
+template <class Sim>
+std::vector<std::pair<std::string, talus::Profile>>
+profiles_across(const Sim& sim, const talus::CollapseSetup& setup, double static_speed) {
+  const int margin = setup.side_wall_cells;
+  return {{"wall", talus::measure_profile(sim, margin, static_speed)},
+          {"middle", talus::measure_profile(sim, talus::middle_row, static_speed)},
+          {"mean", talus::mean_profile(sim, margin, static_speed)}};
+}
+
+/// A file of --compare: profiles (x_m, height_m; at choice time_s, else the deposit, and
+/// static_height_m) or the front (time_s; front_m or runout_m or both), with the columns of
+/// profiles.csv and front.csv.
+json load_measured(const std::string& path) {
+  const talus::CsvTable table = talus::read_csv(path);
+  const auto has = [&](const char* name) {
+    return std::ranges::find(table.names, name) != table.names.end();
+  };
+  const bool profile = has("x_m") && has("height_m");
+  if (!profile && !(has("time_s") && (has("front_m") || has("runout_m"))))
+    throw std::invalid_argument("--compare " + path +
+                                ": it has neither the columns x_m and height_m nor time_s and "
+                                "front_m or runout_m");
+  const std::vector<std::string> allowed =
+      profile ? std::vector<std::string>{"time_s", "x_m", "height_m", "static_height_m"}
+              : std::vector<std::string>{"time_s", "front_m", "runout_m"};
+  json columns = {{"file", std::filesystem::path(path).filename().string()}};
+  for (std::size_t c = 0; c < table.names.size(); ++c) {
+    const std::string& name = table.names[c];
+    if (std::ranges::find(allowed, name) == allowed.end())
+      throw std::invalid_argument(
+          "--compare " + path + ": no column \"" + name + "\" is known beside " + allowed[1] +
+          "; allowed: " +
+          (profile ? "time_s, x_m, height_m, static_height_m" : "time_s, front_m, runout_m"));
+    columns[name] = table.columns[c];
+  }
+  if (table.columns.front().empty())
+    throw std::invalid_argument("--compare " + path + ": it has no rows");
+  return columns;
+}
 
 /// One line of the table: a measured value beside the published ones, where there are any.
 void print_beside(const char* what, const json& measured, const json& published,
@@ -150,6 +200,9 @@ void print_beside(const char* what, const json& measured, const json& published,
 
 template <int Dim, class Solver>
 int run(const Options& options, const Case& collapse) {
+  json compare; // before anything is simulated
+  for (const std::string& file : options.compare)
+    compare.push_back(load_measured(file));
   using Sim =
       support::OnRanks<talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
   const bool reference = options.resolution == "reference";
@@ -183,6 +236,7 @@ int run(const Options& options, const Case& collapse) {
   params.solver.extrapolation = options.extrapolation;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
+  support::watch_budget<Sim>(options.run, params);
 
   talus::Seeding seeding;
   seeding.per_axis = options.per_axis.value_or(reference ? 6 : 3);
@@ -258,18 +312,36 @@ int run(const Options& options, const Case& collapse) {
   support::Run run(sim, "collapse", run_options, inputs, "collapse " + options.case_name);
   if (run.finished())
     return 0;
-  talus::CsvWriter& front =
-      run.table("front.csv", {"time_s", "front_m", "runout_m", "height_wall_m", "speed_max_m_s",
-                              "volume_m3", "gate_height_m"});
-  talus::CsvWriter& profiles =
-      run.table("profiles.csv", {"time_s", "x_m", "height_m", "static_height_m"});
+  std::vector<std::string> front_columns{"time_s",        "front_m",        "runout_m",
+                                         "height_wall_m", "speed_max_m_s",  "volume_m3",
+                                         "gate_height_m", "front_speed_m_s"};
+  std::vector<std::string> profile_columns{"time_s", "x_m", "height_m", "static_height_m"};
+  if (Dim == 3)
+    for (const std::string place : {"wall", "middle", "mean"}) {
+      front_columns.push_back("front_" + place + "_m");
+      profile_columns.push_back("height_" + place + "_m");
+      profile_columns.push_back("static_height_" + place + "_m");
+    }
+  talus::CsvWriter& front = run.table("front.csv", front_columns);
+  talus::CsvWriter& profiles = run.table("profiles.csv", profile_columns);
+  const auto across = [&] {
+    if constexpr (Dim == 3)
+      return profiles_across(sim, setup, options.static_threshold);
+    else
+      return std::vector<std::pair<std::string, talus::Profile>>();
+  };
   const auto measure = [&] {
     return talus::measure_profile(sim, profile_row, options.static_threshold);
   };
   run.on_snapshot = [&](double time) {
     const talus::Profile profile = measure();
-    for (std::size_t i = 0; i < profile.x.size(); ++i)
-      profiles.row(time, profile.x[i], profile.height[i], profile.static_height[i]);
+    const auto rows = across();
+    for (std::size_t i = 0; i < profile.x.size(); ++i) {
+      std::vector<double> line{time, profile.x[i], profile.height[i], profile.static_height[i]};
+      for (const auto& [place, of] : rows)
+        line.insert(line.end(), {of.height[i], of.static_height[i]});
+      profiles.row(line);
+    }
   };
   talus::CsvWriter& inertial =
       run.table("inertial.csv", {"time_s", "I_30", "I_median", "I_70", "nodes"});
@@ -279,6 +351,9 @@ int run(const Options& options, const Case& collapse) {
       [&](const json& time) { rest.update(time, std::numeric_limits<double>::infinity()); });
   Measurement now;
   run.keep("front", now.front);
+  run.keep(
+      "front_time", [&] { return json(now.time); },
+      [&](const json& time) { now.time = support::value_or_nan(time); });
   run.keep("height_wall", now.height_wall);
   run.keep("volume", now.volume);
 
@@ -298,11 +373,20 @@ int run(const Options& options, const Case& collapse) {
       run.stop();
     if (run.sample_due()) {
       // The fields of the step are those at its start, before the particles moved on.
-      now.sample(sim, setup, measure());
-      front.row(run.time_before(), now.front, now.front - setup.column_length, now.height_wall,
-                speed, now.volume,
-                options.no_gate ? std::numeric_limits<double>::infinity()
-                                : gate->bottom(setup.gate.opening_time + run.time_before()));
+      now.sample(sim, setup, measure(), run.time_before());
+      std::vector<double> line{run.time_before(),
+                               now.front,
+                               now.front - setup.column_length,
+                               now.height_wall,
+                               speed,
+                               now.volume,
+                               options.no_gate
+                                   ? std::numeric_limits<double>::infinity()
+                                   : gate->bottom(setup.gate.opening_time + run.time_before()),
+                               now.speed};
+      for (const auto& [place, of] : across())
+        line.push_back(talus::front_position(of, setup.bed_depth + threshold_height));
+      front.row(line);
       const talus::InertialQuantiles numbers = talus::inertial_quantiles(sim);
       inertial.row(run.time_before(), numbers.low, numbers.median, numbers.high, numbers.nodes);
     }
@@ -341,6 +425,11 @@ int run(const Options& options, const Case& collapse) {
   for (const int grains : {2, 4, 6, 8})
     measure_above(std::to_string(grains) + " grains", grains * collapse.material.grain_diameter);
   measure_above("half a cell", grid.spacing()[Dim - 1] / 2);
+  for (const auto& [place, of] : across()) {
+    measured["runout_" + place + "_m"] =
+        talus::front_position(of, setup.bed_depth + threshold_height) - setup.column_length;
+    measured["height_final_" + place + "_m"] = of.height.front() - setup.bed_depth;
+  }
   // and measures without one
   const talus::Vec<Dim> centre = talus::centre_of_mass(sim.particles());
   measured["centre_of_mass_m"] = std::vector<double>(centre.begin(), centre.end());
@@ -354,7 +443,10 @@ int run(const Options& options, const Case& collapse) {
   measured["kinetic_energy_J"] = talus::kinetic_energy(sim.particles(), params.material.density);
   if (setup.bed_depth == 0) // on a bed the column's particles are not told from the bed's
     measured["farthest_at_rest_m"] = talus::farthest_at_rest(sim.particles(), rest_speed);
-  run.write_summary({{"measured", measured}, {"published", collapse.published}});
+  json results = {{"measured", measured}, {"published", collapse.published}};
+  if (!compare.empty())
+    results["compare"] = compare;
+  run.write_summary(results);
 
   if (!options.run.common.quiet) {
     std::printf("%s, %s preset, %s, %d-D, %zu particles: %s\n", options.case_name.c_str(),
@@ -497,6 +589,10 @@ int main(int argc, char** argv) {
          "Row of nodes across that profile and front are read from in 3-D: wall, middle, or "
          "a number from the wall")
       ->capture_default_str();
+  app.add_option("--compare", options.compare,
+                 "Draw what was measured into the picture: CSV files with x_m, height_m and, at "
+                 "choice, time_s (else: the deposit) and static_height_m, or with time_s and "
+                 "front_m or runout_m; as in profiles.csv and front.csv");
   support::add_snapshot_options(app, options.run);
   app.add_option(
       "--record-problem", options.record_problems,

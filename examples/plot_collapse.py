@@ -1,12 +1,16 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: MIT
-"""Draws a run of the program `collapse`: snapshots, run-out against time, final profile.
+"""Draws a run of the program `collapse`: snapshots, run-out and speed of the front against time,
+final profile, and where the energy went if there is a budget.
 
-usage: plot_collapse.py DIR
+usage: plot_collapse.py DIR [MEASURED.csv...]
 
-Reads summary.json, front.csv, profiles.csv and sections.csv in DIR; writes DIR/collapse.png.
-Exits with 1 and a message if one of them is missing or cannot be used.
+Reads summary.json, front.csv, profiles.csv, sections.csv and, if it is there, energy.csv in DIR; writes
+DIR/collapse.png. The other files are drawn beside the run, as those of its option --compare: profiles
+(x_m, height_m; at choice time_s, else the deposit, and static_height_m) or the front (time_s; front_m or
+runout_m). Exits with 1 and a message if something is missing or cannot be used.
 """
+import csv
 import json
 import math
 
@@ -21,20 +25,33 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, number, read_sections, read_table, round_ticks, run, section_image
+from plotting import (SPEED, at_time, choose_times, energy_panel, number, read_energy, read_sections,
+                      read_table, round_ticks, run, section_image)
 
 # Colours of Okabe and Ito: told apart by colour-blind readers.
 RUN, EXPERIMENT, SIMULATION = "black", "#D55E00", "#0072B2"
 SOURCES = [("exp", "experiment", EXPERIMENT, "o"), ("sim", "authors' simulation", SIMULATION, "s")]
 GATE = "#333333"
+MEASURED = ["#CC79A7", "#009E73", "#E69F00", "#56B4E9"]
 WIDTH = 16.0  # inches, at 100 dots each
 CASED = [matplotlib.patheffects.withStroke(linewidth=3.6, foreground="black")]
+
+
+def read_measured(path):
+    """A file of profiles or of the front that the user measured, as summary.json holds it."""
+    with open(path, newline="", encoding="utf-8-sig") as file:
+        names = next(csv.reader(file), [])
+    for columns in (["x_m", "height_m"], ["time_s", "front_m"], ["time_s", "runout_m"]):
+        if all(c in names for c in columns):
+            table = read_table(path, columns, ["time_s", "static_height_m", "front_m", "runout_m"])
+            return {"file": path.name, **table}
+    raise ValueError(f"{path}: it has neither the columns x_m and height_m nor time_s and front_m or runout_m")
 
 
 class Picture:
     """One figure, filled from the top with axes placed in inches."""
 
-    def __init__(self, directory):
+    def __init__(self, directory, *measured):
         with open(directory / "summary.json") as file:
             try:
                 summary = json.load(file)
@@ -49,7 +66,12 @@ class Picture:
         self.front = read_table(directory / "front.csv",
                                 ["time_s", "front_m", "runout_m", "gate_height_m"])
         self.profiles = read_table(directory / "profiles.csv",
-                                   ["time_s", "x_m", "height_m", "static_height_m"])
+                                   ["time_s", "x_m", "height_m", "static_height_m"],
+                                   ["height_wall_m", "height_middle_m", "height_mean_m"])
+        self.energy = read_energy(directory)
+        kept = [{k: v if k == "file" else np.array(v, dtype=float) for k, v in table.items()}
+                for table in summary.get("compare") or []]
+        self.measured_tables = kept + [read_measured(path) for path in measured]
         self.sections = read_sections(directory / "sections.csv", number(self.inputs, "profile_y_m"))
 
         # Show what the flow reached, not the empty rest of the channel.
@@ -82,6 +104,14 @@ class Picture:
         axes.plot(profile["x_m"], profile["static_height_m"], color="white", lw=1.8,
                   path_effects=CASED)
         self.column_outline(axes, color="0.35", lw=1.3, ls=":")
+        for table, colour in self.profiles_measured():
+            if "time_s" in table:
+                now = self.shown_with(table["time_s"]) == profile["time_s"][0]
+                axes.plot(table["x_m"][now], table["height_m"][now], ls="none", marker="o", ms=4,
+                          color=colour, mec="white", mew=0.5)
+                if "static_height_m" in table:
+                    axes.plot(table["x_m"][now], table["static_height_m"][now], ls="none", marker="v",
+                              ms=4, color=colour, mec="white", mew=0.5)
         gate = at_time(self.front, time)["gate_height_m"][0]
         if gate < self.z_max:
             axes.add_patch(matplotlib.patches.Rectangle(
@@ -91,6 +121,16 @@ class Picture:
         axes.text(0.985, 0.92, f"t = {time:.2f} s", transform=axes.transAxes, ha="right",
                   va="top", fontsize=14, weight="bold")
         return mesh
+
+    def profiles_measured(self):
+        """The user's tables of profiles, each with its colour."""
+        tables = zip(self.measured_tables, MEASURED * len(self.measured_tables))
+        return [(table, colour) for table, colour in tables if "x_m" in table]
+
+    def shown_with(self, times):
+        """The time of the run's profiles that is nearest to each of `times`."""
+        run_times = np.unique(self.profiles["time_s"])
+        return run_times[np.argmin(np.abs(run_times[:, None] - times), axis=0)]
 
     def gravity(self, axes):
         """An arrow along gravity: the picture's axes are those of the channel, not of the room."""
@@ -173,6 +213,11 @@ class Picture:
                               color=colour, marker=marker, ms=8, capsize=5, lw=2, ls="none",
                               label=f"{label}: run-out and rest time")
         axes.plot(time, self.front["runout_m"], color=RUN, lw=2.4, label="this run")
+        for table, colour in zip(self.measured_tables, MEASURED * len(self.measured_tables)):
+            if "x_m" not in table:
+                runout = table["runout_m"] if "runout_m" in table else table["front_m"] - self.length
+                axes.plot(table["time_s"], runout, ls="none", marker="o", ms=5, color=colour,
+                          label=table["file"])
         rest = number(self.measured, "rest_time_s")
         if rest is not None and rest <= time[-1]:
             axes.plot(rest, np.interp(rest, time, self.front["runout_m"]), color=RUN, marker="D",
@@ -184,8 +229,37 @@ class Picture:
         axes.set_axisbelow(True)
         axes.legend(loc="best", framealpha=0.95)
 
+    def front_speed(self, axes):
+        """The slope of the front's position, over four samples: nodes make single ones jump."""
+        time, front = self.front["time_s"], self.front["front_m"]
+        if len(time) > 4:
+            axes.plot((time[4:] + time[:-4]) / 2, (front[4:] - front[:-4]) / (time[4:] - time[:-4]),
+                      color=RUN, lw=2, label="this run")
+        for table, colour in zip(self.measured_tables, MEASURED * len(self.measured_tables)):
+            if "x_m" not in table and len(table["time_s"]) > 1:
+                where = table["front_m"] if "front_m" in table else table["runout_m"]
+                t = table["time_s"]
+                axes.plot((t[1:] + t[:-1]) / 2, np.diff(where) / np.diff(t), ls="none", marker="o", ms=5,
+                          color=colour, label=table["file"])
+        axes.axhline(0, color="0.4", lw=0.8)
+        axes.set(xlabel="time (s)", ylabel="front (m/s)")
+        axes.grid(color="0.9")
+        axes.set_axisbelow(True)
+
     def final_profile(self, axes):
         last = at_time(self.profiles, self.profiles["time_s"].max())
+        for name, label, style in [("wall", "next to the wall", "--"), ("middle", "in the middle", ":"),
+                                   ("mean", "mean across", "-.")]:
+            if f"height_{name}_m" in last:
+                axes.plot(last["x_m"], last[f"height_{name}_m"], color="0.35", lw=1.2, ls=style,
+                          label=label, zorder=3)
+        for table, colour in self.profiles_measured():
+            here = self.shown_with(table["time_s"]) == last["time_s"][0] if "time_s" in table else slice(None)
+            x, height = table["x_m"][here], table["height_m"][here]
+            if x.size:
+                off = np.sqrt(np.nanmean((np.interp(x, last["x_m"], last["height_m"]) - height) ** 2))
+                axes.plot(x, height, ls="none", marker="o", ms=5, color=colour, zorder=5,
+                          label=f"{table['file']}: {1000 * off:.1f} mm (rms)")
         axes.fill_between(last["x_m"], last["height_m"], color="0.88", lw=0)
         axes.axhline(self.bed, color="0.55", lw=1)
         self.column_outline(axes, color="0.35", lw=1.6, ls=":", label="initial column")
@@ -208,7 +282,7 @@ class Picture:
         self.channel_axes(axes)
         axes.set(xlabel="x, down the slope (m)", ylabel="z (m)")
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncol=4, frameon=False,
-                    borderaxespad=0.2)
+                    borderaxespad=0.2, columnspacing=1.2)
 
     def draw(self):
         ratio = self.z_max / self.x_max
@@ -217,19 +291,31 @@ class Picture:
         height, step = ratio * width, ratio * width + 0.22
         times = choose_times(np.unique(self.sections["time_s"]),
                              number(self.measured, "rest_time_s"))
+        measured = [self.shown_with(t["time_s"]) for t, _ in self.profiles_measured() if "time_s" in t]
+        times = np.unique(np.concatenate([times, *measured]))
         images = [(t, section_image(at_time(self.sections, t))) for t in times]
 
         top = 1.05
         front_top = top + math.ceil(len(images) / columns) * step + 1.6
-        profile_top = front_top + 3.4 + 1.2
-        self.height = profile_top + 14.6 * ratio + 0.8
+        speed_top = front_top + 3.4 + 0.9
+        profile_top = speed_top + 1.8 + 1.6
+        energy_top = profile_top + 14.6 * ratio + 1.2
+        self.height = energy_top + (4.0 if self.energy else -0.4)
         self.figure = plt.figure(figsize=(WIDTH, self.height))
         self.titles()
         self.snapshots(top, images, columns, width, height, step)
-        self.runout(self.axes(1.0, front_top, 14.6, 3.4))
+        runout = self.axes(1.0, front_top, 14.6, 3.4)
+        self.runout(runout)
+        speed = self.axes(1.0, speed_top, 14.6, 1.8)
+        self.front_speed(speed)
+        speed.set_xlim(runout.get_xlim())
         self.final_profile(self.axes(1.0, profile_top, 14.6, 14.6 * ratio))
+        if self.energy:
+            energy_panel(self.axes(1.0, energy_top, 10.2, 3.2), self.energy,
+                         "J" if self.inputs["dimension"] == 3 else "J/m")
         return self.figure
 
 
 if __name__ == "__main__":
-    run(__doc__, "summary.json", lambda folder: (Picture(folder).draw(), "collapse.png"))
+    run(__doc__, "summary.json",
+        lambda folder, *measured: (Picture(folder, *measured).draw(), "collapse.png"), files=True)

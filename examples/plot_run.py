@@ -4,7 +4,7 @@
 
 usage: plot_run.py DIR
 
-Reads DIR/summary.json and, if it is there, DIR/sections.csv; writes DIR/PROGRAM.png. In the summary,
+Reads DIR/summary.json and, if they are there, DIR/sections.csv and DIR/energy.csv; writes DIR/PROGRAM.png. In the summary,
 "picture" may hold a "title", "facts" (a list of texts), "outlines" (polygons of rigid things in the
 section, each a list of [x, z] in m), "panels": lists of curves, each with "kind" (line, dashed or
 points), "label", "x" and "y", on axes labelled "x" and "y", logarithmic if "log" is true.
@@ -22,7 +22,8 @@ import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, at_time, choose_times, read_sections, round_ticks, run, section_image
+from plotting import (SPEED, at_time, choose_times, energy_panel, read_energy, read_sections, round_ticks,
+                      run, section_image)
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
 INTERFACE = "#D55E00"  # between materials
@@ -37,6 +38,7 @@ class Picture:
         with open(directory / "summary.json") as file:
             self.summary = json.load(file)
         self.picture = self.summary.get("picture", {})
+        self.energy = read_energy(directory)
         self.images = []
         if (directory / "sections.csv").is_file():
             table = read_sections(directory / "sections.csv")
@@ -134,7 +136,8 @@ class Picture:
             columns, _, height = self.snapshot_size()
             below += math.ceil(len(self.images) / columns) * (height + 0.6) + 0.5
         rows = math.ceil(len(panels) / 2)
-        self.height = below + rows * (panel_height + 0.8) + (0.15 if rows else 0)
+        energy_top = below + rows * (panel_height + 0.8)
+        self.height = energy_top + (0.15 if rows else 0) + (4.2 if self.energy else 0)
         self.figure = plt.figure(figsize=(WIDTH, self.height))
         self.figure.text(0.5, 1 - 0.35 / self.height,
                          self.picture.get("title", self.summary["program"]), ha="center",
@@ -150,6 +153,9 @@ class Picture:
             width = (WIDTH - LEFT - 0.4 - (0 if alone else 1.0)) / (1 if alone else 2)
             self.panel(self.axes(LEFT + column * (width + 1.0), below + row * (panel_height + 0.8),
                                  width, panel_height), panel)
+        if self.energy:
+            energy_panel(self.axes(LEFT, energy_top, WIDTH - LEFT - 4.2, panel_height), self.energy,
+                         "J" if self.summary["inputs"]["dimension"] == 3 else "J/m")
         return self.figure
 
 

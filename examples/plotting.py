@@ -176,17 +176,71 @@ class GroundMap:
         return image
 
 
-def run(usage, data, draw, font_size=13):
+# What became of the energy: a band of the picture, and the columns of energy.csv that it sums up.
+SINKS = [("friction of the medium", ["friction"]),
+         ("floor and walls", ["face_"]),
+         ("gate, obstacles", ["obstacle_"]),
+         ("free bodies", ["body_"]),
+         ("collisions of the medium", ["impact"]),
+         ("room: voids, expansion", ["room", "cohesion"]),
+         ("viscosity", ["viscosity"]),
+         ("transfers", ["to_grid", "to_particles", "moved", "shifting", "held", "turning"]),
+         ("solver's error", ["solver_error"])]
+# of Okabe and Ito, then greys
+SINK_COLOURS = ["#E69F00", "#D55E00", "#CC79A7", "#F0E442", "#009E73", "#56B4E9", "0.75", "0.5", "black"]
+
+
+def read_energy(folder):
+    """The table energy.csv (--budget), or None if there is none."""
+    path = folder / "energy.csv"
+    if not path.is_file():
+        return None
+    with open(path, newline="") as file:
+        return read_table(path, next(csv.reader(file)))
+
+
+def energy_panel(axes, energy, unit):
+    """Stacked areas: what became of the energy that was released, and what still moves."""
+    time = energy["time_s"]
+    moving = energy["kinetic_J"] + energy["within_J"]
+    bands = [("motion", "#0072B2", moving)]
+    for (label, columns), colour in zip(SINKS, SINK_COLOURS):
+        names = [n for n in energy if any(n == c + "_J" or (c[-1] == "_" and n.startswith(c)) for c in columns)]
+        bands.append((label, colour, -np.sum([energy[n] for n in names], axis=0) if names else 0 * time))
+    # what went in is all that is not in a band; it was in the motion from the start, or came by
+    # gravity, bodies and particles
+    released = np.sum([band for _, _, band in bands], axis=0)
+    scale = np.abs(released).max()
+    shown = [band for band in bands if np.abs(band[2]).max() > 0.002 * scale]
+    up, down = np.zeros_like(time), np.zeros_like(time)
+    for label, colour, values in shown:
+        gain = values.max() <= 0.001 * scale  # a source: below the axis
+        base = down if gain else up
+        end = base + values
+        axes.fill_between(time, base, end, color=colour, lw=0, label=label, zorder=2)
+        if gain:
+            down = end
+        else:
+            up = end
+    axes.plot(time, released, color="black", lw=1.6, zorder=3, label="all that was released")
+    axes.axhline(0, color="0.4", lw=0.8, zorder=3)
+    axes.set(xlim=(time[0], time[-1]), xlabel="time (s)", ylabel=f"energy ({unit})")
+    axes.margins(y=0.05)
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(handles[::-1], labels[::-1], loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+
+def run(usage, data, draw, font_size=13, files=False):
     """The main program of a plot script: draws what is in the folder that is its one argument.
     usage: its docstring; data: the file that says what to draw; draw(folder): the figure and the name
-    of its file."""
+    of its file; files: more arguments are allowed, and given to draw as well."""
     script = pathlib.Path(sys.argv[0]).name
-    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+    if len(sys.argv) < 2 or (len(sys.argv) > 2 and not files) or sys.argv[1] in ("-h", "--help"):
         sys.exit(usage)
     folder = pathlib.Path(sys.argv[1])
     matplotlib.rcParams.update({"font.size": font_size, "axes.spines.top": False, "axes.spines.right": False})
     try:
-        figure, name = draw(folder)
+        figure, name = draw(folder, *map(pathlib.Path, sys.argv[2:]))
         figure.savefig(folder / name, dpi=100)
     except OSError as error:
         sys.exit(f"{script}: {error.filename}: {error.strerror}")

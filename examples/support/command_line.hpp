@@ -176,9 +176,9 @@ namespace detail {
 /// compared as numbers: 0.50 is 0.5.
 inline nlohmann::json options_of(const CLI::App& app) {
   static const std::vector<std::string> others = {
-      "help",       "out",      "threads",   "quiet",
-      "no-plot",    "resume",   "overwrite", "checkpoint-interval",
-      "write-jobs", "job-time", "job-memory"};
+      "help",       "out",      "threads",    "quiet",
+      "no-plot",    "resume",   "overwrite",  "checkpoint-interval",
+      "write-jobs", "job-time", "job-memory", "compare"};
   const auto value = [](const std::string& text) -> nlohmann::json {
     if (text.empty())
       return nullptr;

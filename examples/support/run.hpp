@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "budget.hpp"
 #include "command_line.hpp"
 #include "results.hpp"
 #include "resume.hpp"
@@ -28,6 +29,7 @@
 #include <fstream>
 #include <functional>
 #include <list>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -47,6 +49,7 @@ struct RunOptions {
   double sample_interval = 0.01, snapshot_interval = 0.1; ///< s
   std::string vtk = "last"; ///< which snapshots to write for ParaView: all, last or none
   bool movie = false;       ///< draw one in the end
+  bool budget = false;      ///< write energy.csv and forces.csv, see watch_budget
   bool sections = true;     ///< write sections.csv
   /// Rows of nodes across that sections.csv shows (3-D), see channel_row, or all; the user's, if
   /// any, take the place of the program's own.
@@ -81,7 +84,15 @@ inline int channel_row(const std::string& option, const std::string& text, int c
   return side + *number;
 }
 
-/// --snapshot-interval, --sample-interval, --section-rows, --vtk, --movie.
+/// With --budget: gives the simulation that is made of `params` an EnergyBudget, whose tables the
+/// run writes.
+template <class Sim>
+void watch_budget(const RunOptions& options, typename Sim::Params& params) {
+  if (options.budget)
+    params.observer = std::make_shared<typename BudgetTables<Sim>::Budget>();
+}
+
+/// --snapshot-interval, --sample-interval, --section-rows, --vtk, --movie, --budget.
 inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
   app.add_option("--snapshot-interval", options.snapshot_interval, "s")->capture_default_str();
   app.add_option("--sample-interval", options.sample_interval, "Of the table against time, s")
@@ -96,6 +107,8 @@ inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
       ->capture_default_str();
   app.add_flag("--movie", options.movie,
                "Draw a movie of the snapshots, of which there are 100 or more then (see movie.py)");
+  app.add_flag("--budget", options.budget,
+               "Write energy.csv and forces.csv, step by step: where energy and momentum go");
 }
 
 /// All options of a run; what `options` holds is the default.
@@ -163,6 +176,17 @@ class Run {
         [this](const json& value) { statistics_.restore(value); });
     if (options_.sections)
       sections_ = &table("sections.csv", section_columns());
+    budget_ = BudgetTables<Sim>::budget_of(sim_);
+    if (budget_) {
+      energy_ = &table("energy.csv", BudgetTables<Sim>::energy_columns(sim_));
+      forces_ = &table("forces.csv", BudgetTables<Sim>::force_columns(sim_));
+      keep(
+          "budget", [this] { return to_json(budget_->record()); },
+          [this](const json& earlier) { budget_->restore(energy_record(earlier)); });
+    } else { // plot scripts would show those of an earlier run
+      fs::remove(out_ / "energy.csv");
+      fs::remove(out_ / "forces.csv");
+    }
     if (options_.vtk == "all")
       for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
         particle_series_->add(frames_[frame], frame_file("particles", frame));
@@ -232,6 +256,8 @@ class Run {
       return false;
     }
     completed_one_ = true;
+    if (budget_)
+      BudgetTables<Sim>::write(sim_, *budget_, time_before_, time(), *energy_, *forces_);
     last_ = sim_.time() >= last_time() - half_step();
     sampled_ = due(time(), options_.sample_interval, next_sample_);
     return true;
@@ -274,6 +300,8 @@ class Run {
                     {"steps", sim_.steps()},
                     {"wall_seconds", seconds()},
                     {"state_checksum", checksum()}};
+    if (budget_)
+      summary["energy_J"] = BudgetTables<Sim>::summary(sim_, budget_->record());
     summary.update(results);
     write_json(summary_file(), summary);
   }
@@ -405,22 +433,18 @@ class Run {
     }
   }
 
-  /// In 2-D the axis that points up is called z, as in 3-D.
-  static constexpr const char* axis_name(int axis) {
-    constexpr const char* names[] = {"x", "y", "z"};
-    return names[axis == dimension - 1 ? 2 : axis];
-  }
   std::vector<std::string> section_columns() const {
     std::vector<std::string> names{"time_s"};
     for (int a = 0; a < dimension; ++a)
-      names.push_back(axis_name(a) + std::string("_m"));
+      names.push_back(axis_name<dimension>(a) + std::string("_m"));
     names.insert(names.end(), {"volume_fraction", "speed_m_s"});
     for (int a = 0; a < dimension; ++a)
-      names.push_back("velocity_" + std::string(axis_name(a)) + "_m_s");
+      names.push_back("velocity_" + std::string(axis_name<dimension>(a)) + "_m_s");
     names.emplace_back("pressure_Pa");
     for (int a = 0; a < dimension; ++a)
       for (int b = a; b < dimension; ++b)
-        names.push_back("stress_" + std::string(axis_name(a)) + axis_name(b) + "_Pa");
+        names.push_back("stress_" + std::string(axis_name<dimension>(a)) + axis_name<dimension>(b) +
+                        "_Pa");
     names.emplace_back("strain_rate_1_s");
     for (int m = 1; m < sim_.materials(); ++m)
       names.push_back("material_" + std::to_string(m) + "_fraction");
@@ -526,6 +550,8 @@ class Run {
   std::list<Table> tables_; ///< their addresses are given away
   std::list<Series> series_;
   talus::CsvWriter* sections_ = nullptr;
+  std::shared_ptr<typename BudgetTables<Sim>::Budget> budget_; ///< null: none
+  talus::CsvWriter *energy_ = nullptr, *forces_ = nullptr;
   std::vector<std::pair<std::string, std::function<json()>>> kept_;
   std::optional<talus::VtkSeries> particle_series_, grid_series_;
   std::vector<int> section_rows_; ///< of nodes across

@@ -104,6 +104,7 @@ typename Sim::Params box_params(const SceneOptions& options, const talus::Vec<3>
   params.solver.max_sweeps = 5000;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
+  watch_budget<Sim>(options.run, params);
   return params;
 }
 

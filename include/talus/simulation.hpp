@@ -34,6 +34,7 @@
 #include "talus/step/free_bodies.hpp"
 #include "talus/step/friction.hpp"
 #include "talus/step/node_fields.hpp"
+#include "talus/step/observer.hpp"
 #include "talus/step/overfilled.hpp"
 #include "talus/step/ranks.hpp"
 #include "talus/step/report.hpp"
@@ -95,6 +96,7 @@ class Simulation {
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};
     std::vector<Body<Dim>> bodies{};
     std::shared_ptr<const Exchange<Dim, ParticleReal>> exchange{}; ///< sources, sinks; null: none
+    std::shared_ptr<StepObserver<Dim, ParticleReal>> observer{};   ///< null: none
     typename RheologyT::Params rheology{};
     typename TransferT::Params transfer{};
     typename SolverT::Params solver{};
@@ -149,6 +151,8 @@ class Simulation {
       }
     else
       check_law(rheology_);
+    for (int m = 0; m < materials(); ++m)
+      densities_.push_back(density(m));
     if constexpr (Viscous<RheologyT>)
       require_non_negative("rheology.viscosity()", rheology_.viscosity());
     params_.viscous.validate();
@@ -199,6 +203,7 @@ class Simulation {
     particles_to_grid();
     solids_.place(boundaries());
     choose_time_step();
+    observe(StepStage::on_grid);
     report.time_step = state_.time_step;
     const auto t1 = Clock::now();
     report.stands_still = !(state_.time + state_.time_step > state_.time);
@@ -241,13 +246,16 @@ class Simulation {
     if (!std::isfinite(report.courant)) // whatever the solver says
       report.solve.status = SolveStatus::not_finite;
     if (report.completed()) {
-      torn_ = true; // an exception in the next call leaves it so
+      torn_ = true; // an exception in the next calls leaves it so
       grid_to_particles();
+      observe(StepStage::on_particles);
+      shift();
       torn_ = false;
       attempt.complete();
       keep_forces();
       measure_wrenches(boundaries(), solved_step(), execution_, work_.held_momentum,
                        work_.wrench_sums, wrenches_);
+      observe(StepStage::forces);
       report.bodies_left =
           move_bodies(params_.bodies, bodies_, problem_, state_.time_step, state_.bodies);
       const Outflow outflow =
@@ -259,6 +267,7 @@ class Simulation {
         exchange(end, report);
       if (params_.ranks)
         params_.ranks->migrate(state_.particles);
+      observe(StepStage::end);
       state_.time = end;
       ++state_.steps;
     }
@@ -561,6 +570,8 @@ class Simulation {
                         [&](std::ptrdiff_t i) { body(static_cast<std::size_t>(i)); });
   }
 
+  /// Σ V_p N_i from which on a node carries a cone, m^d.
+  double least_volume() const { return params_.min_relative_mass * grid_.cell_volume(); }
   double node_mass(int node) const {
     if constexpr (OfMaterials<RheologyT>)
       return fields_.mass[node];
@@ -616,8 +627,8 @@ class Simulation {
   /// One cone per node with enough mass, in the order of the blocks: g_ij, k_i, μ_i, last stress.
   /// ratio: this time step over the last: λ is a stress times δt.
   void collect_cones(double ratio) {
-    const double least_volume = params_.min_relative_mass * grid_.cell_volume();
-    const auto carries = [&](int node) { return fields_.material_volume[node] >= least_volume; };
+    const double least = least_volume();
+    const auto carries = [&](int node) { return fields_.material_volume[node] >= least; };
     for_each_node([&](int j) {
       problem_.inverse_mass[j] = Padded::Zero();
       fields_.open_fraction[j] = 1;
@@ -795,12 +806,32 @@ class Simulation {
     talus::grid_to_particles(state_.particles, work_.order, grid_, transfer_, problem_.velocity,
                              work_.velocity_before, work_.divergence, work_.moments,
                              state_.time_step, lower, upper, execution_);
-    if (params_.packing.even && params_.packing.shifting > 0) {
-      if (params_.ranks) // to where the nodes around them are
-        params_.ranks->migrate(state_.particles);
-      shift_particles(state_.particles, grid_, work_.excess, work_.strain, params_.packing.shifting,
-                      lower, upper, execution_);
-    }
+  }
+
+  /// Evens out the packing, if that is asked for.
+  void shift() {
+    if (!params_.packing.even || params_.packing.shifting == 0)
+      return;
+    if (params_.ranks) // to where the nodes around them are
+      params_.ranks->migrate(state_.particles);
+    const auto [lower, upper] = particle_bounds(params_.faces, grid_);
+    shift_particles(state_.particles, grid_, work_.excess, work_.strain, params_.packing.shifting,
+                    lower, upper, execution_);
+    observe(StepStage::shifted);
+  }
+
+  /// Shows the step to the observer, if there is one.
+  void observe(StepStage stage) {
+    if (!params_.observer)
+      return;
+    const bool torn = torn_;
+    torn_ = stage != StepStage::on_grid; // so that an exception leaves it
+    const SolvedStep<Dim> solved = solved_step();
+    const Bounds bounds = boundaries();
+    params_.observer->observe(stage, {solved, bounds, state_.particles, TransferT::field,
+                                      node_order_.nodes(), wrenches_, least_volume(), densities_,
+                                      execution_});
+    torn_ = torn;
   }
 
   /// Sources and sinks at the end of the step, at the time `end` (s).
@@ -830,6 +861,7 @@ class Simulation {
   BlockOrder<Dim> node_order_;
   Array<std::size_t> node_rank_; ///< place of a node in node_order_
   FreeBodies<Dim> bodies_;
+  Array<double> densities_; ///< for an observer, kg/m³
 
   SimulationState<Dim, ParticleReal> state_;
   bool stepped_ = false; ///< there is a last step that fields and forces belong to

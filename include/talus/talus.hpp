@@ -3,8 +3,8 @@
 
 /// \file
 /// What users need, all but meshes (talus/boundary/mesh_distance.hpp), which are slow to compile,
-/// terrain (talus/terrain) and sources (talus/scene/source.hpp), which few need, and what
-/// docs/architecture.md names. The library's own headers never include it.
+/// terrain (talus/terrain), sources (talus/scene/source.hpp) and budgets of energy
+/// (talus/diagnostics/energy_budget.hpp), which few need, and what docs/architecture.md names. The library's own headers never include it.
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"

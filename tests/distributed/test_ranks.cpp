@@ -10,6 +10,7 @@
 
 #include "talus/core/fingerprint.hpp"
 #include "talus/diagnostics/checksum.hpp"
+#include "talus/diagnostics/energy_budget.hpp"
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
@@ -97,6 +98,17 @@ void check_same(const S& alone, const StepReport& one, const S& shared, const St
   }
 }
 
+/// Every term of a budget, as it is.
+Array<double> all_terms(const EnergyRecord& record) {
+  Array<double> values;
+  const auto add = [&](const char*, double value) { values.push_back(value); };
+  EnergyLevels::for_each(record.now, add);
+  EnergyTerms::for_each(record.total, add);
+  for (const BoundaryWork& work : record.total.boundaries)
+    values.insert(values.end(), {work.friction, work.motion, work.impact});
+  return values;
+}
+
 /// Many ranks on few cores wait most of the time: there the long runs are cut short, unless
 /// TALUS_LONG_TESTS is set.
 int steps_for_ranks(int steps) {
@@ -109,10 +121,14 @@ int steps_for_ranks(int steps) {
 template <class S>
 std::size_t check_scene(scenes::Scene<S> scene, int steps) {
   std::optional<S> alone;
+  const auto budget = std::make_shared<EnergyBudget<S::dimension>>();
+  const auto shared_budget = std::make_shared<EnergyBudget<S::dimension>>();
+  scene.params.observer = budget;
   if (mpi->rank() == 0)
     alone.emplace(scene.params, scene.particles);
   const auto team = ranks<S>({.interval = 10, .imbalance = 1.05});
   scene.params.ranks = team;
+  scene.params.observer = shared_budget;
   scene.params.threads = 1 + mpi->rank() % 2; // every other rank has two
   S shared(scene.params, scene.particles);
   CHECK(team->communicator().size() == mpi->size());
@@ -124,6 +140,8 @@ std::size_t check_scene(scenes::Scene<S> scene, int steps) {
       const StepReport one = alone->step();
       check_same(*alone, one, shared, report);
       REQUIRE(found == checksum(*alone));
+      CHECK(all_terms(shared_budget->record()) == all_terms(budget->record()));
+      CHECK(shared_budget->momentum().after == budget->momentum().after);
     }
     if (step == steps / 2) {
       const SimulationState<S::dimension> whole = team->gather(shared.state());

@@ -68,6 +68,16 @@ middle = check(run("middle", "--profile-row", "middle"), 0.02, [0.02], 0.01)
 every = check(run("all", "--section-rows", "all", "--profile-row", "2", "--static-threshold", "0.1"), 0.04,
               [0, 0.02, 0.04, 0.06], 0.1)
 assert np.abs(wall["height_m"] - middle["height_m"]).max() > 1e-4
+# whatever --profile-row is, there are the three places; the mean lies between
+for name in ("height", "static_height"):
+    assert np.array_equal(every[f"{name}_wall_m"], wall[f"{name}_m"]) or name == "static_height"
+    assert np.array_equal(middle[f"{name}_middle_m"], middle[f"{name}_m"])
+assert np.array_equal(wall["height_mean_m"], middle["height_mean_m"])
+assert np.abs(wall["height_mean_m"] - wall["height_m"]).max() > 1e-5
+front = talus_results.Run(FOLDER / "middle").table("front")
+assert np.array_equal(front["front_middle_m"], front["front_m"])
+assert np.isnan(front["front_speed_m_s"][0])
+assert np.allclose(front["front_speed_m_s"][1:], np.diff(front["front_m"]) / np.diff(front["time_s"]))
 assert np.abs(every["static_height_m"] - middle["static_height_m"]).max() > 5e-3
 check(run("two", "--section-rows", "wall", "3"), 0, [0, 0.06], 0.01)
 # rigid side walls, one cell thick, outside of the channel: opened 0.2 s later, at rest before
@@ -82,4 +92,18 @@ refused("--section-rows is all; allowed: nothing in 2-D", "--dim", "2", "--secti
 refused("--profile-row is all; allowed: wall, middle, or 0 to 3", "--profile-row", "all")
 refused("--profile-row goes with --dim 3", "--dim", "2", "--profile-row", "middle")
 refused("--static-threshold is -1; allowed", "--static-threshold", "-1")
+def measured(name, text):
+    (FOLDER / name).write_text(text)
+    return "--compare", str(FOLDER / name)
+
+
+refused("it has neither the columns x_m and height_m nor time_s and front_m or runout_m",
+        *measured("wrong.csv", "x_m,z_m\n0,1\n"))
+refused("no column \"heigth_m\" is known", *measured("slip.csv", "x_m,height_m,heigth_m\n0,1,1\n"))
+refused("it has no rows", *measured("empty.csv", "x_m,height_m\n"))
+compared = run("compared", *measured("deposit.csv", "x_m,height_m\n0,0.1\n0.1,0.05\n"),
+               *measured("front.csv", "time_s,runout_m\n0,0\n0.2,0.1\n"))
+assert [t["file"] for t in compared.summary["compare"]] == ["deposit.csv", "front.csv"]
+assert compared.summary["compare"][0]["height_m"] == [0.1, 0.05]
+assert compared.summary["state_checksum"] == talus_results.Run(FOLDER / "wall").summary["state_checksum"]
 print("the rows that were asked for")

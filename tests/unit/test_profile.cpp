@@ -179,6 +179,40 @@ class Counting {
 
 } // namespace
 
+namespace {
+
+/// Dense up to a height that rises across the channel, static up to half of it.
+struct Slanted {
+  static constexpr int dimension = 3;
+  talus::Grid<3> box{{.origin = {0, 0, 0}, .size = {0.2, 0.4, 1}, .cells = {2, 4, 100}}};
+  const talus::Grid<3>& grid() const { return box; }
+  static double top(const Index<3>& n) { return 0.105 + 0.1 * n[1] * n[1]; }
+  double z(const Index<3>& n) const { return box.spacing()[2] * n[2]; }
+  double volume_fraction(const Index<3>& n) const { return z(n) < top(n) ? 1 : 0; }
+  Vec<3> velocity(const Index<3>& n) const { return {z(n) < top(n) / 2 ? 0.0 : 1.0, 0, 0}; }
+};
+
+} // namespace
+
+TEST_CASE("the mean profile across counts the rows at the walls half") {
+  const Slanted flow;
+  const auto height = [&](int row) { return measure_profile(flow, row).height.at(1); };
+  const auto still = [&](int row) { return measure_profile(flow, row).static_height.at(1); };
+  const Profile mean = mean_profile(flow);
+  CHECK(mean.x == measure_profile(flow, 0).x);
+  CHECK(mean.height.at(1) ==
+        about((height(0) / 2 + height(1) + height(2) + height(3) + height(4) / 2) / 4));
+  CHECK(mean.static_height.at(1) ==
+        about((still(0) / 2 + still(1) + still(2) + still(3) + still(4) / 2) / 4));
+  CHECK(mean_profile(flow, 1).height.at(1) ==
+        about((height(1) / 2 + height(2) + height(3) / 2) / 2));
+  CHECK(mean_profile(flow, 0, 2.0).static_height == mean.height); // nothing is so fast
+  CHECK_THROWS_WITH_AS(
+      static_cast<void>(mean_profile(flow, 2)),
+      "mean_profile: margin is 2; allowed: from 0 to below half of the 4 cells across",
+      std::invalid_argument);
+}
+
 TEST_CASE("the statistics of a user's solver are read back from its workspace") {
   using Mine = Simulation<2, ConstantFriction, Apic, Counting>;
   const auto params = box<2>();

@@ -94,6 +94,37 @@ Profile measure_profile(const Flow& flow, int row = middle_row, double static_sp
   return profile;
 }
 
+/// The mean of the profiles of all rows across, those at the sides counted half (2-D: the profile).
+/// margin: rows of cells at each side that are left out, as solid side walls are; static_speed:
+/// m/s.
+template <class Flow>
+Profile mean_profile(const Flow& flow, int margin = 0, double static_speed = 0.01) {
+  if constexpr (Flow::dimension == 2) {
+    return measure_profile(flow, middle_row, static_speed);
+  } else {
+    const int last = flow.grid().cells(1) - margin;
+    if (margin < 0 || margin >= last)
+      throw_invalid("mean_profile: margin", margin,
+                    "from 0 to below half of the " + std::to_string(flow.grid().cells(1)) +
+                        " cells across");
+    Profile mean;
+    for (int row = margin; row <= last; ++row) {
+      const Profile one = measure_profile(flow, row, static_speed);
+      const double weight = (row == margin || row == last ? 0.5 : 1.0) / (last - margin);
+      if (row == margin) {
+        const std::vector<double> zero(one.x.size(), 0);
+        mean = {one.x, zero, zero, zero};
+      }
+      for (std::size_t i = 0; i < one.x.size(); ++i) {
+        mean.height[i] += weight * one.height[i];
+        mean.static_height[i] += weight * one.static_height[i];
+        mean.base[i] += weight * one.base[i];
+      }
+    }
+    return mean;
+  }
+}
+
 /// The part of a profile beyond x (m). Throws std::invalid_argument if no node is.
 inline Profile profile_beyond(const Profile& profile, double x) {
   const auto first = std::ranges::upper_bound(profile.x, x) - profile.x.begin();

@@ -108,11 +108,12 @@ class WrenchSums {
   Array<ExactSum>& sums_;
 };
 
-/// Gives the momentum of a node to the faces that hold it. Where several faces that stick meet,
-/// they share the tangential force of their common nodes. inverse_mass: the node's, 0 where held.
-template <int Dim>
-void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec<Dim>& inverse_mass,
-                          const Vec<Dim>& momentum, WrenchSums<Dim>& sums) {
+/// Calls visit(axis, boundary id, how many share it) for the faces that hold a component of a
+/// node's velocity. Where several faces that stick meet, they share the tangential components of
+/// their common nodes. inverse_mass: the node's, 0 where held.
+template <int Dim, class Visit>
+void for_each_holding_face(const Boundaries<Dim>& bounds, int node,
+                           const NodeVec<Dim>& inverse_mass, const Visit& visit) {
   const Index<Dim> index = bounds.grid.node_index(node);
   for (int a = 0; a < Dim; ++a) {
     if (inverse_mass[a] != 0)
@@ -130,12 +131,20 @@ void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec
         faces[count++] = bounds.face_id(axis, upper);
       }
     });
-    Vec<Dim> share = Vec<Dim>::Zero();
-    if (count > 0)
-      share[a] = momentum[a] / count;
     for (int k = 0; k < count; ++k)
-      sums.add(faces[k], bounds.grid.node_position(index), share);
+      visit(a, faces[k], count);
   }
+}
+
+/// Gives the momentum of a node to the faces that hold it.
+template <int Dim>
+void add_to_holding_faces(const Boundaries<Dim>& bounds, int node, const NodeVec<Dim>& inverse_mass,
+                          const Vec<Dim>& momentum, WrenchSums<Dim>& sums) {
+  for_each_holding_face(bounds, node, inverse_mass, [&](int a, int face, int sharing) {
+    Vec<Dim> along = Vec<Dim>::Zero();
+    along[a] = momentum[a] / sharing;
+    sums.add(face, bounds.grid.node_position(node), along);
+  });
 }
 
 /// Is the node this rank's own? node: a number in the window or beyond, see Ranks::share_contacts.
