@@ -116,9 +116,9 @@ class Simulation {
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
-  /// has no positive volume, a velocity that is not finite or the id of another, if some place is
-  /// filled twice (Packing::densest), or if a corner of a body starts in another body or an
-  /// obstacle. A box may be empty.
+/// has no positive volume, a velocity that is not finite, the id of another or a material that is
+  /// none, if some place is filled twice (Packing::densest), or if a corner of a body starts in
+  /// another body or an obstacle. A box may be empty.
   explicit Simulation(Params params, ParticleData particles)
       : params_(std::move(params)),
         execution_(params_.threads, params_.ranks ? &params_.ranks->communicator() : nullptr),
