@@ -207,7 +207,7 @@ std::vector<std::array<Vec<3>, 3>> pyramid_pit() {
 /// A ball that drops beside the middle of what it cannot pass: where it comes to rest.
 template <int Dim>
 Vec<Dim> rests_in(std::shared_ptr<const Obstacle<Dim>> obstacle, double radius, double from,
-                  double end = 2) {
+                  double end = 1.2) {
   auto params = empty_box<Dim>();
   params.obstacles = {std::move(obstacle)};
   params.bodies = {ball_body<Dim>(at<Dim>(from, 0.507), radius, 2000, 0.3)};
