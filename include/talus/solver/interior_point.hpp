@@ -130,7 +130,7 @@ class CentralPath {
           const double* w = scaling_[i].w;
           const double mu = friction(cone), eta = scaling_[i].eta;
           for (int r = 0; r < cone.size; ++r) {
-            double* of_row = q + r * cone.size;
+            double* of_row = q + std::ptrdiff_t{r} * cone.size;
             for (int c = 0; c < cone.size; ++c)
               of_row[c] = eta *
                           (2 * w[r] * w[c] - (r != c   ? 0
