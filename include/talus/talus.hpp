@@ -2,9 +2,10 @@
 #pragma once
 
 /// \file
-/// What users need, all but meshes (talus/boundary/mesh_distance.hpp), which are slow to compile,
-/// terrain (talus/terrain), sources (talus/scene/source.hpp) and budgets of energy
-/// (talus/diagnostics/energy_budget.hpp), which few need, and what docs/architecture.md names. The library's own headers never include it.
+/// What users need, all but meshes (talus/boundary/mesh_distance.hpp, talus/io/stl.hpp), which are
+/// slow to compile, terrain (talus/terrain), sources (talus/scene/source.hpp) and budgets of energy
+/// (talus/diagnostics/energy_budget.hpp), which few need, and what docs/architecture.md names. The
+/// library's own headers never include it.
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
@@ -47,7 +48,6 @@
 #include "talus/io/csv_table.hpp"
 #include "talus/io/number.hpp"
 #include "talus/io/progress.hpp"
-#include "talus/io/stl.hpp"
 #include "talus/io/vtk.hpp"
 #include "talus/particles.hpp"
 #include "talus/rheology/cohesion.hpp"
