@@ -116,7 +116,7 @@ class Simulation {
   };
 
   /// Throws std::invalid_argument if a parameter is out of range, or a particle is outside the box,
-/// has no positive volume, a velocity that is not finite, the id of another or a material that is
+  /// has no positive volume, a velocity that is not finite, the id of another or a material that is
   /// none, if some place is filled twice (Packing::densest), or if a corner of a body starts in
   /// another body or an obstacle. A box may be empty.
   explicit Simulation(Params params, ParticleData particles)

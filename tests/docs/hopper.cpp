@@ -2,6 +2,7 @@
 // The program of docs/how-to/hopper.md: a hopper from an STL file, filled, with a ball in it.
 
 #include <talus/boundary/mesh_distance.hpp>
+#include <talus/io/stl.hpp>
 #include <talus/talus.hpp>
 
 #include <array>
