@@ -40,8 +40,7 @@ namespace talus {
 /// and the other models of LocalSolver go all the way. Law says to which local problem:
 ///   - AssociatedLaw (default): the de Saxcé term s_i = μ̃ |γ_T| is taken from the latest velocities
 ///     and frozen during the local solve, which then is convex.
-///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (with extrapolation 0),
-///   for
+///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (extrapolation 0), for
 ///     comparison.
 /// Both have the same solutions.
 template <class Local = ProjectionStep, class Law = AssociatedLaw>
