@@ -45,12 +45,13 @@ typename Mixed<Dim, WithCohesion<MuOfI>>::Params mixed_collapse() {
   params.time_step = 2e-3;
   params.friction_updates = 2;
   const InertialNumber grains{.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
-  const auto law = [&](double mu) {
-    return MuOfI::Params{.law = {.mu_static = mu, .mu_limit = 2 * mu, .I_0 = 0.3},
-                         .inertial = grains};
+  const auto law = [&](double mu, double cohesion) {
+    return WithCohesion<MuOfI>::Params{.law = {.mu_static = mu, .mu_limit = 2 * mu, .I_0 = 0.3},
+                                       .inertial = grains,
+                                       .cohesion = cohesion};
   };
-  params.rheology.list = {{.density = 900, .law = {.law = law(0.2), .cohesion = 0}},
-                          {.density = 2500, .law = {.law = law(0.4), .cohesion = 40}}};
+  params.rheology.list = {{.density = 900, .law = law(0.2, 0)},
+                          {.density = 2500, .law = law(0.4, 40)}};
   Vec<Dim> lower = Vec<Dim>::Zero(), upper = Vec<Dim>::Zero();
   lower[0] = 0.2;
   upper[0] = 0.26;

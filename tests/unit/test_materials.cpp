@@ -165,9 +165,9 @@ TEST_CASE("materials: friction and cohesion of a node by hand") {
   const InertialNumber fine{.grain_diameter = 1e-3, .density = 2500, .strain_factor = 2};
   const InertialNumber coarse{.grain_diameter = 1e-2, .density = 2500, .strain_factor = 2};
   const auto law = [&](double mu, const InertialNumber& inertial, double cohesion) {
-    return WithCohesion<MuOfI>::Params{
-        .law = {.law = {.mu_static = mu, .mu_limit = 1, .I_0 = 0.3}, .inertial = inertial},
-        .cohesion = cohesion};
+    return WithCohesion<MuOfI>::Params{.law = {.mu_static = mu, .mu_limit = 1, .I_0 = 0.3},
+                                       .inertial = inertial,
+                                       .cohesion = cohesion};
   };
   const Materials<WithCohesion<MuOfI>> two(
       {.list = {{.density = 1000, .law = law(0.2, fine, 0)},
