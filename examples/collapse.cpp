@@ -166,7 +166,7 @@ json load_measured(const std::string& path) {
   const std::vector<std::string> allowed =
       profile ? std::vector<std::string>{"time_s", "x_m", "height_m", "static_height_m"}
               : std::vector<std::string>{"time_s", "front_m", "runout_m"};
-  json columns = {{"file", std::filesystem::path(path).filename().string()}};
+  json measured = {{"file", std::filesystem::path(path).filename().string()}};
   for (std::size_t c = 0; c < table.names.size(); ++c) {
     const std::string& name = table.names[c];
     if (std::ranges::find(allowed, name) == allowed.end())
@@ -174,11 +174,11 @@ json load_measured(const std::string& path) {
           "--compare " + path + ": no column \"" + name + "\" is known beside " + allowed[1] +
           "; allowed: " +
           (profile ? "time_s, x_m, height_m, static_height_m" : "time_s, front_m, runout_m"));
-    columns[name] = table.columns[c];
+    measured[name] = table.columns[c];
   }
   if (table.columns.front().empty())
     throw std::invalid_argument("--compare " + path + ": it has no rows");
-  return columns;
+  return measured;
 }
 
 /// One line of the table: a measured value beside the published ones, where there are any.
