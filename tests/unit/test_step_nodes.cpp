@@ -280,7 +280,7 @@ TEST_CASE("free bodies: the gaps of turned corners to all faces but open ones") 
   state.rotation << 0, -1, 1, 0; // the corner at (1.5, 1.75)
   using Gap = std::tuple<std::size_t, int, bool, double>;
   std::vector<Gap> gaps;
-  for (const std::size_t c : {0, 1})
+  for (const std::size_t c : {std::size_t{0}, std::size_t{1}})
     for_each_face_gap(s.grid, s.faces, corner_at(body, state, c), body.corner_radius,
                       [&](auto... gap) { gaps.emplace_back(c, gap...); });
   CHECK(gaps == std::vector<Gap>{{0, 0, false, 0.375},
