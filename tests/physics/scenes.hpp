@@ -58,4 +58,22 @@ Particles<Dim> block(const GridParams<Dim>& grid, double x0, double x1, double z
   return particles;
 }
 
+/// Sets up a box with a block in the air.
+template <int Dim, class Transfer>
+Particles<Dim> block_in_the_air(typename Sim<Dim, Transfer>::Params& params) {
+  const auto base = box<Dim>({1, 0.6, 1}, {10, 6, 10}, 0, 0.44);
+  params.grid = base.grid;
+  params.material = base.material;
+  params.gravity = base.gravity;
+  params.faces = base.faces;
+  params.rheology = base.rheology;
+  params.time_step = 1e-3;
+  Particles<Dim> particles;
+  Vec<Dim> lower = Vec<Dim>::Constant(0.21), upper = Vec<Dim>::Constant(0.38);
+  lower[up_axis<Dim>] += 0.4;
+  upper[up_axis<Dim>] += 0.4;
+  fill_box(particles, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2});
+  return particles;
+}
+
 } // namespace scenes

@@ -79,19 +79,8 @@ EnergyRecord budget_of(scenes::Scene<S> scene, int steps) {
 template <int Dim, class Transfer>
 void free_fall() {
   using S = scenes::Sim<Dim, Transfer>;
-  const auto base = scenes::box<Dim>({1, 0.6, 1}, {10, 6, 10}, 0, 0.44);
   typename S::Params params;
-  params.grid = base.grid;
-  params.material = base.material;
-  params.gravity = base.gravity;
-  params.faces = base.faces;
-  params.rheology = base.rheology;
-  params.time_step = 1e-3;
-  Particles<Dim> particles;
-  Vec<Dim> lower = Vec<Dim>::Constant(0.21), upper = Vec<Dim>::Constant(0.38);
-  lower[up_axis<Dim>] += 0.4;
-  upper[up_axis<Dim>] += 0.4;
-  fill_box(particles, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2});
+  const Particles<Dim> particles = scenes::block_in_the_air<Dim, Transfer>(params);
   const auto budget = watch<S>(params);
   S sim(params, particles);
   constexpr int steps = 100;

@@ -3,6 +3,7 @@
 
 #include "../support/about.hpp"
 #include "../support/materials.hpp"
+#include "../support/nodes.hpp"
 
 #include "talus/diagnostics/profile.hpp"
 #include "talus/rheology/local_friction.hpp"
@@ -41,19 +42,9 @@ void check_layers(double lower_density, double upper_density, double mu, int ste
   CHECK(-sim.face_wrench(up, false).force[up] ==
         about((lower_density + upper_density) * g * 0.05 * area, 1e-6));
   for (int k = 1; k < 9; ++k) {
-    double sum = 0, weights = 0;
-    for (int n = 0; n < sim.grid().node_count(); ++n) {
-      const Index<Dim> index = sim.grid().node_index(n);
-      bool inside = index[up] == k;
-      for (int a = 0; a < Dim; ++a)
-        inside = inside && index[a] >= 0 && index[a] <= sim.grid().cells(a);
-      if (!inside)
-        continue;
-      sum += sim.grid().node_volume(index) * sim.stress(index)(up, up);
-      weights += sim.grid().node_volume(index);
-    }
     const double above = std::min(0.05, 0.1 - 0.01 * k), below = 0.05 - std::min(0.05, 0.01 * k);
-    CHECK(sum / weights == about(g * (upper_density * above + lower_density * below), 0.02));
+    CHECK(nodes::mean_vertical_stress(sim, k, [](const auto&) {}) ==
+          about(g * (upper_density * above + lower_density * below), 0.02));
   }
 }
 

@@ -19,19 +19,8 @@ namespace {
 
 template <int Dim, class Transfer>
 void free_fall() {
-  auto base = scenes::box<Dim>({1, 0.6, 1}, {10, 6, 10}, 0, 0.44);
   typename scenes::Sim<Dim, Transfer>::Params params;
-  params.grid = base.grid;
-  params.material = base.material;
-  params.gravity = base.gravity;
-  params.faces = base.faces;
-  params.rheology = base.rheology;
-  params.time_step = 1e-3;
-  Particles<Dim> particles;
-  Vec<Dim> lower = Vec<Dim>::Constant(0.21), upper = Vec<Dim>::Constant(0.38);
-  lower[up_axis<Dim>] += 0.4;
-  upper[up_axis<Dim>] += 0.4;
-  fill_box(particles, Grid<Dim>(params.grid), lower, upper, {.per_axis = 2});
+  Particles<Dim> particles = scenes::block_in_the_air<Dim, Transfer>(params);
   Vec<Dim> v0 = Vec<Dim>::Constant(0.1);
   for (auto& v : particles.velocity)
     v = v0;

@@ -65,19 +65,6 @@ double shape(const Grid<Dim>& grid, const Index<Dim>& node, const Vec<Dim>& x) {
   return weight;
 }
 
-/// Calls visit(node index) for the nodes of a box.
-template <int Dim, class Visit>
-void for_each_node(const Grid<Dim>& grid, const Visit& visit) {
-  for (int n = 0; n < grid.node_count(); ++n) {
-    const Index<Dim> index = grid.node_index(n);
-    bool inside = true;
-    for (int a = 0; a < Dim; ++a)
-      inside = inside && index[a] >= 0 && index[a] <= grid.cells(a);
-    if (inside)
-      visit(index);
-  }
-}
-
 template <int Dim>
 void check_nodes() {
   using S = Mixed<Dim, ConstantFriction, Pic>;

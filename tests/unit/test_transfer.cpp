@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Particles to grid and back: moments, couplings, momentum, affine fields.
 
+#include "../support/nodes.hpp"
+
 #include "talus/core/grid.hpp"
 #include "talus/packing.hpp"
 #include "talus/scene/fill.hpp"
@@ -82,17 +84,10 @@ struct Cloud {
   }
 };
 
-/// Calls visit(index of the node in the box).
+/// Calls visit(number of the node) for the nodes of the box.
 template <int Dim, class Visit>
 void for_each_node(const Grid<Dim>& grid, const Visit& visit) {
-  for (int n = 0; n < grid.node_count(); ++n) {
-    const Index<Dim> index = grid.node_index(n);
-    bool inside = true;
-    for (int a = 0; a < Dim; ++a)
-      inside = inside && index[a] >= 0 && index[a] <= grid.cells(a);
-    if (inside)
-      visit(n);
-  }
+  nodes::for_each(grid, [&](const Index<Dim>& index) { visit(grid.node(index)); });
 }
 
 template <int Dim>
