@@ -33,17 +33,26 @@ DualProblem<Dim> pile(double mu, int steps = 3) {
   return problem;
 }
 
-/// A ball that has fallen into sand.
-DualProblem<2> with_ball() {
+/// A ball that has fallen into sand, with another one upon it.
+DualProblem<2> with_balls() {
   auto params = scenes::box<2>({0.2, 0, 0.16}, {10, 1, 8}, 0, 0.44);
   auto ball = ball_body<2>({0.1, 0.09}, 0.03, 3000, 0.3);
   ball.start.velocity[1] = -1;
   params.bodies.push_back(ball);
+  auto upper = ball_body<2>({0.105, 0.141}, 0.02, 2000, 0.2);
+  upper.start.velocity[1] = -1.5;
+  params.bodies.push_back(upper);
   scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 0, 0.2, 0, 0.06, 0.5));
   DualProblem<2> problem;
   for (int k = 0; k < 5; ++k)
     CHECK(sim.step([&](const DualProblem<2>& p) { problem = p; }).completed());
-  CHECK(problem.body_contacts.size() > 0);
+  int with_sand = 0, with_each_other = 0;
+  for (const auto& contact : problem.body_contacts) {
+    with_sand += contact.node >= 0;
+    with_each_other += contact.other >= 0 && contact.impulse.norm() > 0;
+  }
+  CHECK(with_sand > 0);
+  CHECK(with_each_other > 0);
   return problem;
 }
 
@@ -148,7 +157,7 @@ TEST_CASE("Jordan algebra: products, quotients, the scaling, the way to the edge
 TEST_CASE("the sparse form of a problem is the same algebra") {
   same_algebra<2>(pile<2>(0.44));
   same_algebra<3>(pile<3>(0.44));
-  same_algebra<2>(with_ball());
+  same_algebra<2>(with_balls());
 }
 
 TEST_CASE("interior points reach 1e-8, with much friction too, for any number of threads") {
@@ -191,7 +200,7 @@ TEST_CASE("by arc length alone, from the start of the path") {
 
 TEST_CASE("problems with free bodies: in files bit for bit, and solved") {
   const support::Folder folder;
-  DualProblem<2> problem = with_ball();
+  DualProblem<2> problem = with_balls();
   write_problem(folder / "a.talus", problem);
   DualProblem<2> read = read_problem<2>(folder / "a.talus");
   write_problem(folder / "b.talus", read);
@@ -199,7 +208,8 @@ TEST_CASE("problems with free bodies: in files bit for bit, and solved") {
   CHECK(solve<2, InteriorPoint>(read, 1e-8).status == SolveStatus::converged);
   CHECK(solve<2, GaussSeidel<>>(problem, 1e-6).status == SolveStatus::converged);
   CHECK(difference(read, problem) < 1e-4);
-  CHECK(std::abs(read.bodies[0].velocity[1] - problem.bodies[0].velocity[1]) < 1e-4);
+  for (int b = 0; b < 2; ++b)
+    CHECK(std::abs(read.bodies[b].velocity[1] - problem.bodies[b].velocity[1]) < 1e-4);
 }
 
 TEST_CASE("a simulation with interior points, and wrong parameters") {
