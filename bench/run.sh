@@ -34,7 +34,17 @@ if command -v ninja > /dev/null; then
 fi
 cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DTALUS_BUILD_BENCH=ON \
   -DTALUS_BUILD_TESTS=OFF -DTALUS_BUILD_EXAMPLES=OFF
-cmake --build "$build" --parallel "$(getconf _NPROCESSORS_ONLN)"
+case $name in
+  local) targets=bench_local_solver ;;
+  global) targets='bench_global_solver record_global_problems creep' ;;
+  profile) targets='bench_global_solver record_global_problems' ;;
+  step) targets='bench_step bench_transfers' ;;
+  scaling) targets=bench_step ;;
+  ranks) targets=bench_ranks ;;
+  accuracy) targets=accuracy ;;
+esac
+# shellcheck disable=SC2086 # several targets
+cmake --build "$build" --parallel "$(getconf _NPROCESSORS_ONLN)" --target $targets
 
 mkdir -p "$out" || { echo "$out cannot be made; --out DIR" >&2; exit 2; }
 python=python3 # the first in PATH may lack what the system's has
