@@ -43,10 +43,13 @@ def read_csv(path):
 
 
 def read_vtk(path):
-    """The points and fields of a .vtu, .vtp or .vti file that talus wrote, by name: "points", (points, 3), m; "cells", a
-    list of arrays of points (.vtu); fields, (points,) or (points, numbers each). Of an image (.vti) the fields have the
+    """The points and fields of a .vtu, .vtp, .vti or .pvtu file that talus wrote, by name: "points", (points, 3), m;
+    "cells", a list of arrays of points (.vtu, .pvtu); fields, (points,) or (points, numbers each). Of an image (.vti) the fields have the
     shape (nodes along x, y, z) or (…, numbers each), and "points" (…, 3)."""
     data = pathlib.Path(path).read_bytes()
+    if b"<PUnstructuredGrid" in data[:1000]:
+        return _joined([read_vtk(pathlib.Path(path).with_name(piece.get("Source")))
+                        for piece in ElementTree.fromstring(data).iter("Piece")])
     start = data.find(b"<AppendedData")
     if start < 0:
         raise ValueError(f"{path}: no data is appended: it is no file of talus")
@@ -76,6 +79,14 @@ def read_vtk(path):
               for name, values in result.items()}
     axes = (origin[a] + spacing[a] * np.arange(nodes[a]) for a in range(3))
     result["points"] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    return result
+
+
+def _joined(pieces):
+    """The pieces of several ranks as one."""
+    first = np.cumsum([0] + [len(piece["points"]) for piece in pieces])
+    result = {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0] if name != "cells"}
+    result["cells"] = [cell + first[p] for p, piece in enumerate(pieces) for cell in piece["cells"]]
     return result
 
 

@@ -83,6 +83,17 @@ class ReadersTest(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "no file of talus"):
             talus_results.read_vtk(self.write("x.vtu", "<VTKFile/>"))
 
+    def test_pieces_of_ranks(self):
+        write_particles(self.folder / "p_0.vtu", [4], [[0.1, 0.2, 0]])
+        write_particles(self.folder / "p_1.vtu", [], np.zeros((0, 3)))
+        write_particles(self.folder / "p_2.vtu", [7, 5], [[1, 0, 0], [2, 0, 0]])
+        pieces = "".join(f'<Piece Source="p_{rank}.vtu"/>' for rank in range(3))
+        self.write("p.pvtu", f"<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>")
+        frame = talus_results.read_vtk(self.folder / "p.pvtu")
+        np.testing.assert_array_equal(frame["id"], [4, 7, 5])
+        np.testing.assert_array_equal(frame["points"], [[0.1, 0.2, 0], [1, 0, 0], [2, 0, 0]])
+        self.assertEqual([list(cell) for cell in frame["cells"]], [[0], [1], [2]])
+
     def test_image(self):
         file = VtkFile()
         values = np.array([[i, 10 * j, 0] for j in range(2) for i in range(3)], dtype=float)

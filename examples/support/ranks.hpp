@@ -6,11 +6,16 @@
 #include <cstddef>
 
 #ifdef TALUS_EXAMPLES_MPI
+#include "vtk_frame.hpp"
+
+#include "talus/diagnostics/strain_rate.hpp"
 #include "talus/distributed/shared.hpp"
+#include "talus/distributed/vtk.hpp"
 
 #include <mpi.h>
 
 #include <string>
+#include <utility>
 #endif
 
 /// \file
@@ -21,9 +26,21 @@ namespace support {
 
 #ifdef TALUS_EXAMPLES_MPI
 
-/// The simulation of a program.
+/// The simulation of a program. call(particles + '\n' + grid) has all ranks write their pieces of
+/// these two files.
 template <class Sim>
-using OnRanks = talus::distributed::Shared<Sim>;
+class OnRanks : public talus::distributed::Shared<Sim> {
+ public:
+  OnRanks(typename Sim::Params params, typename Sim::ParticleData particles)
+      : talus::distributed::Shared<Sim>(std::move(params), std::move(particles), {}, write_vtk) {}
+
+ private:
+  static void write_vtk(const Sim& part, const std::string& paths) {
+    const std::size_t end = paths.find('\n');
+    write_vtk_frame(talus::distributed::ParallelVtk(part), part, talus::StrainRate(part),
+                    paths.substr(0, end), paths.substr(end + 1));
+  }
+};
 
 /// MPI from here to the end of the program.
 class RanksOfProgram {

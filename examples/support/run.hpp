@@ -6,10 +6,10 @@
 #include "results.hpp"
 #include "resume.hpp"
 #include "series.hpp"
+#include "vtk_frame.hpp"
 
 #include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
-#include "talus/diagnostics/particle_fields.hpp"
 #include "talus/diagnostics/strain_rate.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/io/csv.hpp"
@@ -189,8 +189,8 @@ class Run {
     }
     if (options_.vtk == "all")
       for (std::size_t frame = 0; frame < frames_.size(); ++frame) {
-        particle_series_->add(frames_[frame], frame_file("particles", frame));
-        grid_series_->add(frames_[frame], frame_file("grid", frame));
+        particle_series_->add(frames_[frame], earlier_frame_file("particles", frame));
+        grid_series_->add(frames_[frame], earlier_frame_file("grid", frame));
       }
   }
 
@@ -487,58 +487,35 @@ class Run {
     std::error_code none;
     for (const auto& entry : fs::directory_iterator(out_ / "vtk", none)) {
       const std::string name = entry.path().filename().string();
-      if ((name.starts_with("particles_") || name.starts_with("grid_")) && name.ends_with(".vtu"))
+      if ((name.starts_with("particles_") || name.starts_with("grid_")) &&
+          (name.ends_with(".vtu") || name.ends_with(".pvtu")))
         fs::remove(entry.path());
     }
   }
 
-  /// kind: particles or grid.
+  /// kind: particles or grid. Ranks write pieces and an index of them.
   fs::path frame_file(const std::string& kind, std::size_t frame) const {
     char number[32];
     std::snprintf(number, sizeof number, "_%04zu", frame);
-    return out_ / "vtk" / (kind + number + ".vtu");
+    return out_ / "vtk" / (kind + number + (on_ranks ? ".pvtu" : ".vtu"));
+  }
+  /// The run may have begun on one process.
+  fs::path earlier_frame_file(const std::string& kind, std::size_t frame) const {
+    fs::path path = frame_file(kind, frame);
+    return fs::exists(path) ? path : path.replace_extension(on_ranks ? ".vtu" : ".pvtu");
   }
 
   void write_vtk(std::size_t frame, const talus::StrainRate<dimension>& strain_rate) {
-    using Node = talus::Index<dimension>;
-    const fs::path particles = frame_file("particles", frame);
-    const fs::path grid = frame_file("grid", frame);
-    // The fields of the grid are those of the last step, the positions those after it.
-    const auto at_particles = [&](const char* field_name, const auto& value) {
-      return talus::vtk_field(field_name, talus::at_particles(sim_, value));
-    };
-    std::vector<talus::VtkField> of_particles{
-        talus::vtk_field("id", sim_.particles().id),
-        talus::vtk_field("velocity", sim_.particles().velocity),
-        talus::vtk_field("volume", sim_.particles().volume),
-        at_particles("stress", [&](const Node& n) { return sim_.stress(n); }),
-        at_particles("pressure", [&](const Node& n) { return sim_.pressure(n); }),
-        at_particles("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })};
-    if (sim_.materials() > 1)
-      of_particles.push_back(talus::vtk_field("material", sim_.particles().material));
-    talus::write_vtk_particles<dimension>(particles, sim_.particles().position, of_particles);
+    const fs::path particles = frame_file("particles", frame), grid = frame_file("grid", frame);
+    if constexpr (on_ranks)
+      sim_.call(particles.string() + '\n' + grid.string());
+    else
+      write_vtk_frame(WholeVtk(sim_), sim_, strain_rate, particles, grid);
     particle_series_->add(time(), particles);
-    Node nodes;
-    for (int a = 0; a < dimension; ++a)
-      nodes[a] = sim_.grid().cells(a) + 1;
-    const auto field = [&](const char* field_name, const auto& value) {
-      return talus::vtk_node_field<dimension>(field_name, nodes, value);
-    };
-    std::vector<talus::VtkField> of_nodes{
-        field("volume_fraction", [&](const Node& n) { return sim_.volume_fraction(n); }),
-        field("velocity", [&](const Node& n) { return sim_.velocity(n); }),
-        field("stress", [&](const Node& n) { return sim_.stress(n); }),
-        field("pressure", [&](const Node& n) { return sim_.pressure(n); }),
-        field("strain_rate", [&](const Node& n) { return strain_rate(n); }),
-        field("inertial_number", [&](const Node& n) { return sim_.inertial_number(n); })};
-    for (int m = 1; m < sim_.materials(); ++m)
-      of_nodes.push_back(field(("material_" + std::to_string(m) + "_fraction").c_str(),
-                               [&](const Node& n) { return sim_.material_fraction(n, m); }));
-    talus::write_vtk_cells<dimension>(grid, sim_.grid().origin(), sim_.grid().spacing(), nodes,
-                                      of_nodes,
-                                      [&](const Node& n) { return sim_.volume_fraction(n) > 0; });
     grid_series_->add(time(), grid);
   }
+
+  static constexpr bool on_ranks = requires(const Sim& sim) { sim.call(std::string()); };
 
   Sim& sim_;
   std::string name_;

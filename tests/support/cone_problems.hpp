@@ -5,8 +5,6 @@
 #include "talus/cone/local_solver.hpp"
 #include "talus/scene/fill.hpp"
 
-#include <Eigen/QR>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -44,10 +42,18 @@ class Numbers {
   }
   template <int N>
   Mat<N> rotation() {
-    Mat<N> a;
+    Mat<N> q;
     for (int i = 0; i < N * N; ++i)
-      a.data()[i] = normal();
-    return Eigen::HouseholderQR<Mat<N>>(a).householderQ();
+      q.data()[i] = normal();
+    // Gram and Schmidt's way, each column twice: to rounding; a decomposition of Eigen's takes half
+    // a minute to compile
+    for (int i = 0; i < 2 * N; ++i) {
+      auto column = q.col(i / 2);
+      for (int j = 0; j < i / 2; ++j)
+        column -= q.col(j).dot(column) * q.col(j);
+      column /= column.norm();
+    }
+    return q;
   }
   /// Symmetric, eigenvalues from 1 down to 1/condition.
   template <int N>

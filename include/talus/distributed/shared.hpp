@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
@@ -58,12 +59,15 @@ class Shared {
   using Params = typename Sim::Params;
   using ParticleData = typename Sim::ParticleData;
   using Real = typename ParticleData::Scalar;
+  /// What each rank does with its part when rank 0 calls call(text). What it throws, it must throw
+  /// on all ranks, as ParallelVtk does; all but rank 0 then go on serving.
+  using OnCall = void (*)(const Sim& part, const std::string& text);
 
   /// As the simulation's own, on all ranks with the same arguments; params.ranks is set here.
-  Shared(Params params, ParticleData particles, Dealing dealing = {})
+  Shared(Params params, ParticleData particles, Dealing dealing = {}, OnCall on_call = nullptr)
       : mpi_(std::make_shared<Mpi>()),
         ranks_(std::make_shared<Ranks<dimension, Real>>(mpi_, dealing)),
-        grid_(params.grid, params.faces.periodic()) {
+        grid_(params.grid, params.faces.periodic()), on_call_(on_call) {
     params.ranks = ranks_;
     part_.emplace(std::move(params), std::move(particles));
     if (mpi_->rank() > 0) {
@@ -169,6 +173,15 @@ class Shared {
     return notes;
   }
 
+  /// Calls the constructor's on_call on all ranks. Throws std::invalid_argument if there is none.
+  void call(const std::string& text) const {
+    if (on_call_ == nullptr)
+      throw_invalid("on_call", "null", "what the ranks do when they are called");
+    command(Command::call);
+    static_cast<void>(broadcast(*mpi_, text));
+    on_call_(*part_, text);
+  }
+
   /// Largest |v_p|, m/s, and how high the highest particle is, m, without gathering them.
   double largest_speed() const {
     command(Command::largest_speed);
@@ -199,6 +212,7 @@ class Shared {
     restore,
     write,
     read,
+    call,
     largest_speed,
     highest_particle,
     fingerprint
@@ -252,14 +266,17 @@ class Shared {
         break;
       }
       case Command::write:
-      case Command::read: {
-        const std::string path = broadcast(*mpi_, std::string());
+      case Command::read:
+      case Command::call: {
+        const std::string text = broadcast(*mpi_, std::string());
         try {
-          if (what == Command::write)
-            distributed::write_checkpoint(path, *part_, *ranks_);
+          if (what == Command::call)
+            on_call_(*part_, text);
+          else if (what == Command::write)
+            distributed::write_checkpoint(text, *part_, *ranks_);
           else
-            static_cast<void>(distributed::read_checkpoint(path, *part_, *ranks_));
-        } catch (const std::runtime_error&) { // NOLINT: rank 0 has thrown the same
+            static_cast<void>(distributed::read_checkpoint(text, *part_, *ranks_));
+        } catch (const std::exception&) { // NOLINT: rank 0 has thrown the same
         }
         break;
       }
@@ -360,6 +377,7 @@ class Shared {
   std::shared_ptr<Mpi> mpi_;
   std::shared_ptr<Ranks<dimension, Real>> ranks_;
   Grid<dimension> grid_;
+  OnCall on_call_;
   std::optional<Sim> part_; ///< this rank's
   mutable std::optional<ParticleData> particles_;
   mutable std::optional<Array<Node>> fields_;
