@@ -83,6 +83,13 @@ check(run("two", "--section-rows", "wall", "3"), 0, [0, 0.06], 0.01)
 # rigid side walls, one cell thick, outside of the channel: opened 0.2 s later, at rest before
 solid = run("solid", "--preset", "repository", "--section-rows", "all")
 assert np.allclose(np.unique(solid.table("sections")["y_m"]), [0, 0.02, 0.04, 0.06])
+# the gate, two cells thick, from its lower edge on; the walls are beside the rows
+seen = solid.section(0, y=0.02)
+gate = np.searchsorted(seen["x_m"], solid.summary["inputs"]["column_length_m"] - 1e-9)
+height = solid.table("front")["gate_height_m"][0]
+above = seen["z_m"] > height + 0.011
+assert (seen["solid_fraction"][gate + 1, above] > 0.9).all() and (seen["solid_fraction"][gate + 1, ~above][:-2] < 0.1).all()
+assert (np.delete(seen["solid_fraction"], range(gate - 1, gate + 4), axis=0) == 0).all()
 flat = run("flat", "--dim", "2").table("sections")
 assert "y_m" not in flat and not any("y" in name.split("_")[1] for name in flat), sorted(flat)
 
