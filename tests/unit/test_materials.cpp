@@ -229,8 +229,8 @@ TEST_CASE("materials: energies weigh each particle by its own density") {
   sand.add({0.2, 0.15}, {0, -2}, 1e-5, 1);
   const Two two(params, sand);
   CHECK(kinetic_energy(two) == about(1000 * 2e-5 * 25 / 2 + 2500 * 1e-5 * 4 / 2));
-  CHECK(potential_energy(two) == about(1000 * 2e-5 * (9.81 * 0.05 - 0.5 * 0.1) +
-                                       2500 * 1e-5 * (9.81 * 0.15 - 0.5 * 0.2)));
+  CHECK(potential_energy(two) ==
+        about(1000 * 2e-5 * (9.81 * 0.05 - 0.5 * 0.1) + 2500 * 1e-5 * (9.81 * 0.15 - 0.5 * 0.2)));
   auto plain = scenes::box<2>({0.3, 0, 0.2}, {15, 0, 10}, 0, 0.44);
   sand.material.clear(); // of one material
   const scenes::Sim<2> one(plain, sand);

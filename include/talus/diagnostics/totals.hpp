@@ -36,8 +36,8 @@ int material_of(const Particles<Dim, Real>& particles, std::size_t p) {
 /// Σ V_p of the particles of one material, m^d. material: its index.
 template <int Dim, class Real>
 double total_volume(const Particles<Dim, Real>& particles, int material) {
-  return volume_sum(
-      particles, [&](std::size_t p) { return material_of(particles, p) == material ? 1 : 0; });
+  return volume_sum(particles,
+                    [&](std::size_t p) { return material_of(particles, p) == material ? 1 : 0; });
 }
 
 /// Σ V_p x_p / Σ V_p, m; not a number without particles.
