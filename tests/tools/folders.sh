@@ -131,12 +131,12 @@ study --movie --end-time 0.02 --out movies --write-jobs movies.sh > log
 [ "$(grep -c -e ' --movie ' movies.sh)" -eq 4 ] || fail "--movie does not reach the runs: $(cat movies.sh)"
 
 # An avalanche that is interrupted goes on with its tilts.
-options='--particles-per-edge 1 --from 23 --to 23.5 --quiet --no-plot --threads 1'
+tilting='--particles-per-edge 1 --from 23 --to 23.5 --quiet --no-plot --threads 1'
 # shellcheck disable=SC2086
-avalanche() { "$programs/avalanche" $options "$@"; }
+avalanche() { "$programs/avalanche" $tilting "$@"; }
 avalanche --out tilts
 # shellcheck disable=SC2086
-(exec "$programs/avalanche" $options --out tilted) &
+(exec "$programs/avalanche" $tilting --out tilted) &
 process=$!
 until [ -s tilted/sections.csv ]; do sleep 0.05; done
 sleep 1
