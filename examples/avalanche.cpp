@@ -2,17 +2,16 @@
 //
 // A level bed is tilted until it avalanches: its surface must follow the box up to the friction
 // angle and stay at that angle ever after (Rousseau et al., J. Fluid Mech. 2023). Leaves
-// summary.json, tables of angles and profiles, and a picture.
+// summary.json, tables of angles and sections, and a picture.
 
 #include "support/command_line.hpp"
 #include "support/picture.hpp"
-#include "support/results.hpp"
-#include "support/resume.hpp"
+#include "support/ranks.hpp"
+#include "support/run.hpp"
+#include "support/run_picture.hpp"
 
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/profile.hpp"
-#include "talus/io/csv.hpp"
-#include "talus/io/progress.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/tilted_box.hpp"
 #include "talus/simulation.hpp"
@@ -21,10 +20,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
+#include <limits>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -35,9 +35,10 @@ using nlohmann::json;
 // A surface that is steeper than the friction angle by δ accelerates by about g δ. If nothing is
 // faster than 5 mm/s throughout half a second, δ is less than 0.06°. Single grains on the surface
 // creep at some mm/s for ever, so that a lower threshold would wait for noise.
-constexpr double rest_speed = 5e-3;            // m/s
-constexpr double rest_hold = 0.5;              // s
-constexpr double patience = 30;                // s that a tilt may take to come to rest
+constexpr double rest_speed = 5e-3;    // m/s
+constexpr double rest_hold = 0.5;      // s
+constexpr double patience = 30;        // s that a tilt may take to come to rest
+constexpr double movie_interval = 0.1; // s between frames: how long the run lasts is not known
 constexpr double fit_from = 0.3, fit_to = 0.7; // m: the ends influence the surface beyond
 
 struct Options {
@@ -49,8 +50,7 @@ struct Options {
   double jitter = 0;
   talus::Packing packing{};
   double tolerance = talus::GaussSeidel<>::Params{}.tolerance;
-  support::ResumeOptions resume;
-  support::CommonOptions common;
+  support::RunOptions run{.sample_interval = 0.05, .snapshot_interval = 1};
 };
 
 double degrees(double radians) {
@@ -99,8 +99,9 @@ int run(const Options& options) {
   params.faces = setup.faces<Dim>();
   params.rheology.mu = options.friction;
   params.solver.tolerance = options.tolerance;
-  params.threads = options.common.threads;
+  params.threads = options.run.common.threads;
   params.packing = options.packing;
+  support::watch_budget<Sim>(options.run, params);
   // Few particles, or random positions, leave soft spots that creep below the friction angle.
   const talus::Seeding seeding{.per_axis = options.per_axis, .jitter = options.jitter};
   Sim sim(params, setup.particles<Dim>(talus::Grid<Dim>(params.grid), seeding));
@@ -124,157 +125,94 @@ int run(const Options& options) {
                        {"tolerance", options.tolerance},
                        {"rest_speed_m_s", rest_speed},
                        {"rest_hold_s", rest_hold}};
-  const support::fs::path out = options.common.prepare_out();
-  support::Checkpoints checkpoints(out, options.resume, inputs);
-  if (checkpoints.finished()) {
-    if (!options.common.quiet)
-      std::printf("%s: finished already\n", (out / "summary.json").c_str());
-    return 0;
-  }
-
-  struct State { // what a run hands on, besides the simulation
-    int tilt = 0;
-    double since = 0; // the time at which this tilt began, s
-    double last_motion = 0, fastest = 0;
-    json rows = json::array(); // one for each tilt: see the columns of angles.csv
-    double seconds = 0;
-  } state;
-  support::SolverStatistics statistics;
-  if (const std::optional<json> earlier = checkpoints.resume(sim)) {
-    state = {earlier->at("tilt"),    earlier->at("since"), earlier->at("last_motion"),
-             earlier->at("fastest"), earlier->at("rows"),  earlier->at("seconds")};
-    statistics.restore(earlier->at("statistics"));
-  }
-  const support::Stopwatch stopwatch;
-  const auto save = [&] {
-    checkpoints.save(sim, {{"tilt", state.tilt},
-                           {"since", state.since},
-                           {"last_motion", state.last_motion},
-                           {"fastest", state.fastest},
-                           {"rows", state.rows},
-                           {"statistics", statistics.state()},
-                           {"seconds", state.seconds + stopwatch.seconds()}});
-  };
-
-  const auto write_table = [&] { // after each tilt: a run may take hours
-    talus::CsvWriter table(out / "angles.csv",
-                           {"tilt_deg", "surface_deg", "expected_deg", "seconds_to_rest_s",
-                            "speed_max_m_s", "speed_at_rest_m_s"});
-    for (const json& row : state.rows) {
-      std::vector<double> values;
-      for (const json& value : row)
-        values.push_back(support::value_or_nan(value));
-      table.row(values);
-    }
-    table.close();
-  };
-  talus::Progress progress("avalanche", {.quiet = options.common.quiet});
   const int tilts = 1 + static_cast<int>(std::lround((last - first) / options.step));
-  std::string status = "completed";
-  bool completed_one = false;
-  for (; state.tilt < tilts && status == "completed"; ++state.tilt) {
-    const double tilt = first + state.tilt * options.step;
-    sim.set_gravity(setup.gravity_vector<Dim>(tilt));
-    talus::RestDetector rest(rest_speed, rest_hold);
-    rest.update(state.last_motion, rest_speed * 2);
-    double speed = 0;
-    while (true) {
-      const talus::StepReport report = sim.step();
-      statistics.add(report);
-      if (!report.completed()) {
-        if (!completed_one) // there is nothing to measure
-          throw std::runtime_error("the first step failed: " + std::string(report.why()));
-        status = "failed: " + std::string(report.why());
-        break;
-      }
-      completed_one = true;
-      const double time = sim.time() - state.since;
-      speed = talus::largest_speed(sim);
-      state.fastest = std::max(state.fastest, speed);
-      rest.update(time, speed);
-      state.last_motion = rest.last_motion();
-      char text[96];
-      std::snprintf(text, sizeof text, "%.1f°, %.2f s, fastest %.1e m/s, %d sweeps", tilt, time,
-                    speed, report.solve.iterations);
-      progress.update((state.tilt + std::min(1.0, time / 3)) / tilts, text);
-      if (rest.at_rest())
-        break;
-      if (time > patience) {
-        status = "not at rest after " + std::to_string(patience) + " s";
-        break;
-      }
-      if (support::interrupted()) {
-        save();
-        progress.finish("interrupted");
-        std::fprintf(stderr, "to go on: the same command with --resume\n");
-        return 130;
-      }
-      if (checkpoints.due())
-        save();
+  support::RunOptions run_options = options.run;
+  run_options.end_time = tilts * (patience + params.time_step); // at the latest
+  if (run_options.movie)
+    run_options.snapshot_interval = std::min(run_options.snapshot_interval, movie_interval);
+  support::Run run(sim, "avalanche", run_options, inputs);
+  if (run.finished())
+    return 0;
+  int done = 0;                  // tilts that have come to rest
+  double since = 0, fastest = 0; // s, m/s: of this tilt
+  talus::RestDetector rest(rest_speed, rest_hold);
+  run.keep("done", done);
+  run.keep("since", since);
+  run.keep("fastest", fastest);
+  run.keep(
+      "last_motion", [&] { return json(rest.last_motion()); },
+      [&](const json& time) { rest.update(time, std::numeric_limits<double>::infinity()); });
+  auto& angles =
+      run.series("angles.csv", {"tilt_deg", "surface_deg", "expected_deg", "seconds_to_rest_s",
+                                "speed_max_m_s", "speed_at_rest_m_s"});
+  auto& motion = run.series("motion.csv", {"time_s", "tilt_deg", "surface_deg", "speed_max_m_s"});
+  while (run.advance()) {
+    const double tilt = first + done * options.step;
+    const double time = run.time() - since, speed = talus::largest_speed(sim);
+    fastest = std::max(fastest, speed);
+    rest.update(time, speed);
+    run.text = support::text("%.1f°, %.2f s, fastest %.1e m/s, %d sweeps", tilt, time, speed,
+                             run.report().solve.iterations);
+    run.done = (done + std::min(1.0, time / 3)) / tilts;
+    if (run.sample_due())
+      motion.row(run.time_before(), tilt, surface_angle(sim, tilt), speed);
+    if (!rest.at_rest() && time <= patience)
+      continue;
+    angles.row(tilt, surface_angle(sim, tilt), std::min(tilt, friction_angle),
+               rest.at_rest() ? rest.last_motion() : std::numeric_limits<double>::quiet_NaN(),
+               fastest, speed);
+    if (!rest.at_rest()) {
+      run.status = "not at rest after " + std::to_string(patience) + " s";
+      run.stop();
+    } else if (++done == tilts) {
+      run.stop();
+    } else {
+      since = run.time();
+      fastest = 0;
+      rest = talus::RestDetector(rest_speed, rest_hold);
+      sim.set_gravity(setup.gravity_vector<Dim>(first + done * options.step));
     }
-    state.rows.push_back({tilt, surface_angle(sim, tilt), std::min(tilt, friction_angle),
-                          rest.at_rest() ? json(state.last_motion) : json(nullptr), state.fastest,
-                          speed});
-    write_table();
-    state.since = sim.time();
-    state.last_motion = state.fastest = 0;
   }
-  progress.finish(status);
 
-  support::Values tilt, surface, expected, deviation, at_rest;
-  double worst = 0;
-  for (const json& row : state.rows) {
-    tilt.push_back(row[0]);
-    surface.push_back(row[1]);
-    expected.push_back(row[2]);
-    deviation.push_back(surface.back() - expected.back());
-    at_rest.push_back(row[5]);
+  using support::Values;
+  const Values &tilt = angles["tilt_deg"], &surface = angles["surface_deg"],
+               &expected = angles["expected_deg"], &to_rest = angles["seconds_to_rest_s"];
+  Values deviation;
+  double worst = 0, at_rest = 0;
+  for (std::size_t i = 0; i < tilt.size(); ++i) {
+    deviation.push_back(surface[i] - expected[i]);
     worst = std::max(worst, std::abs(deviation.back()));
+    at_rest = std::max(at_rest, angles["speed_at_rest_m_s"][i]);
   }
-
-  json summary = {{"program", "avalanche"},
-                  {"versions", support::versions()},
-                  {"status", status},
-                  {"inputs", checkpoints.inputs()},
-                  {"threads", params.threads},
-                  {"measured",
-                   {{"friction_angle_deg", friction_angle},
-                    {"largest_deviation_deg", worst},
-                    {"speed_at_rest_m_s", *std::max_element(at_rest.begin(), at_rest.end())},
-                    {"tilt_deg", tilt},
-                    {"surface_deg", surface}}},
-                  {"solver", statistics.solver_json()},
-                  {"seconds", statistics.phase_json()},
-                  {"steps", sim.steps()},
-                  {"wall_seconds", state.seconds + stopwatch.seconds()},
-                  {"state_checksum", talus::state_checksum(sim.particles())}};
-  support::write_json(out / "summary.json", summary);
-  if (!options.common.quiet) {
+  run.write_summary({{"measured",
+                      {{"friction_angle_deg", friction_angle},
+                       {"largest_deviation_deg", worst},
+                       {"speed_at_rest_m_s", at_rest},
+                       {"tilt_deg", tilt},
+                       {"surface_deg", surface}}}});
+  if (!options.run.common.quiet) {
     std::printf("tilt, surface, difference from the expected angle (degrees), at rest after (s)\n");
     for (std::size_t i = 0; i < tilt.size(); ++i)
-      std::printf("%5.1f %7.2f %+6.2f %6.2f\n", tilt[i], surface[i], deviation[i],
-                  support::value_or_nan(state.rows[i][3]));
-    std::printf("%s; largest difference %.2f degrees\n", status.c_str(), worst);
-    statistics.print(sim.steps(), state.seconds + stopwatch.seconds());
+      std::printf("%5.1f %7.2f %+6.2f %6.2f\n", tilt[i], surface[i], deviation[i], to_rest[i]);
+    std::printf("%s; largest difference %.2f degrees\n", run.status.c_str(), worst);
   }
 
-  const support::Values range = {tilt.front(), tilt.back()};
-  support::Panel angles({.title = "Surface against tilt",
-                         .x = "tilt of the box θ (°)",
-                         .y = "angle of the surface at rest φ (°)"});
-  angles.add("line", "φ = min(θ, atan μ)", tilt, expected);
-  angles.add("points", "talus", tilt, surface);
+  support::Panel both({.title = "Surface against tilt",
+                       .x = "tilt of the box θ (°)",
+                       .y = "angle of the surface at rest φ (°)"});
+  both.add("line", "φ = min(θ, atan μ)", tilt, expected);
+  both.add("points", "talus", tilt, surface);
   support::Panel differences({.title = "The same, from the expected angle",
                               .x = "tilt of the box θ (°)",
                               .y = "φ − min(θ, atan μ) (°)"});
-  differences.band("± 0.1°", range, {-0.1, -0.1}, {0.1, 0.1});
+  differences.band("± 0.1°", {first, last}, {-0.1, -0.1}, {0.1, 0.1});
   differences.add("points", "talus", tilt, deviation);
-  char title[96];
-  std::snprintf(title, sizeof title, "Avalanche test, %d-D, %s resolution, μ = %g", Dim,
-                options.resolution.c_str(), options.friction);
-  support::draw_panels(options.common, "avalanche", title, {angles, differences});
-  checkpoints.finish(status);
-  return status == "completed" ? 0 : 1;
+  support::write_panels(run.folder(), "avalanche",
+                        support::text("Avalanche test, %d-D, %s resolution, μ = %g", Dim,
+                                      options.resolution.c_str(), options.friction),
+                        {both, differences});
+  const int status = run.finish("plot_study.py");
+  return status == 0 && run.status != "completed" ? 1 : status;
 }
 
 } // namespace
@@ -309,8 +247,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance, "Solver: relative residual")
       ->capture_default_str();
-  support::add_resume_options(app, options.resume);
-  support::add_common_options(app, options.common, "out/avalanche");
+  support::add_snapshot_options(app, options.run);
+  support::add_resume_options(app, options.run.resume);
+  support::add_common_options(app, options.run.common, "out/avalanche");
   return support::run_program(
       app, argc, argv, [&] { return options.dimension == 2 ? run<2>(options) : run<3>(options); });
 }

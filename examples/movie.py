@@ -20,23 +20,20 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.animation
 import matplotlib.colors
-import matplotlib.patches
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import SPEED, GroundMap, at_time, colour_bar, read_table, section_image
+from plotting import GroundMap, SectionPicture, at_time, colour_bar, number, read_sections
 
 WIDTH = 9.6  # inches, at 100 dots each
 
 
 class Sections:
-    """The speed in sections.csv."""
+    """The speed in sections.csv, along one row across."""
     label = "speed (m/s)"
 
-    def __init__(self, folder, picture):
-        self.outlines = picture.get("outlines", [])
-        self.table = read_table(folder / "sections.csv",
-                                ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"])
+    def __init__(self, folder, row):
+        self.table = read_sections(folder / "sections.csv", row)
         self.times = np.unique(self.table["time_s"])
         x, z = (np.unique(self.table[name].round(9)) for name in ("x_m", "z_m"))
         self.ratio = np.ptp(z) / np.ptp(x)
@@ -47,15 +44,8 @@ class Sections:
 
     def draw(self, axes, time):
         section = at_time(self.table, time)
-        x, z, speed = section_image(section, self.factor)
-        image = axes.pcolormesh(x, z, speed, norm=self.norm, cmap=SPEED, shading="nearest")
-        material = ~np.ma.getmaskarray(speed)
-        if material.any() and not material.all():
-            axes.contour(x, z, material.astype(float), [0.5], colors="black", linewidths=1)
-        for outline in self.outlines:
-            axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
-        axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal", xlabel="x (m)",
-                 ylabel="z (m)")
+        image = SectionPicture(section, self.factor).draw(axes, self.norm)
+        axes.set(xlabel="x (m)", ylabel="z (m)")
         axes.set_title(f"t = {section['time_s'][0]:.3f} s", fontsize=12)
         return image
 
@@ -78,7 +68,7 @@ class Movie:
         self.program = summary["program"]
         self.title = picture.get("title", self.program.capitalize())
         self.frames = (Maps(folder) if (folder / "maps.csv").is_file() else
-                       Sections(folder, picture))
+                       Sections(folder, number(summary.get("inputs"), "profile_y_m")))
         room = WIDTH - 2.4  # for axis and colour bar
         wide = max(min(room, 6 / self.frames.ratio), 0.5)
         high = self.frames.ratio * wide

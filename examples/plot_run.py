@@ -5,9 +5,8 @@
 usage: plot_run.py DIR
 
 Reads DIR/summary.json and, if they are there, DIR/sections.csv and DIR/energy.csv; writes DIR/PROGRAM.png. In the summary,
-"picture" may hold a "title", "facts" (a list of texts), "outlines" (polygons of rigid things in the
-section, each a list of [x, z] in m), "panels": lists of curves, each with "kind" (line, dashed or
-points), "label", "x" and "y", on axes labelled "x" and "y", logarithmic if "log" is true.
+"picture" may hold a "title", "facts" (a list of texts), "panels": lists of curves, each with "kind"
+(line, dashed or points), "label", "x" and "y", on axes labelled "x" and "y", logarithmic if "log" is true.
 Exits with 1 and a message if something is missing or cannot be used.
 """
 import json
@@ -17,16 +16,14 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.colors
-import matplotlib.patches
 import matplotlib.ticker
 import matplotlib.pyplot as plt
 import numpy as np
 
-from plotting import (SPEED, at_time, choose_times, energy_panel, read_energy, read_sections, round_ticks,
-                      run, section_image)
+from plotting import (SectionPicture, at_time, choose_times, energy_panel, read_energy, read_sections,
+                      round_ticks, run)
 
 COLOURS = ["#0072B2", "#D55E00", "#009E73", "black"]  # of Okabe and Ito
-INTERFACE = "#D55E00"  # between materials
 WIDTH = 12.0  # inches, at 100 dots each
 LEFT, RIGHT, GAP = 1.0, 1.25, 0.75
 
@@ -43,22 +40,22 @@ class Picture:
         if (directory / "sections.csv").is_file():
             table = read_sections(directory / "sections.csv")
             times = choose_times(np.unique(table["time_s"]), None, 4)
-            self.images = [(t, section_image(at_time(table, t))) for t in times]
-            names = [name for name in table if name.startswith("material_")]
-            self.fractions = [[section_image(at_time(table, t), value=name)[2] for name in names]
-                              for t in times]
-            _, (x, z, _) = self.images[0]
-            if z[-1] - z[0] > 8 * (x[-1] - x[0]):  # a column one cell wide shows nothing
+            self.images = [(t, SectionPicture(at_time(table, t))) for t in times]
+            if self.ratio() > 8:  # a column one cell wide shows nothing
                 self.images = []
 
     def axes(self, left, top, width, height):
         return self.figure.add_axes([left / WIDTH, 1 - (top + height) / self.height,
                                      width / WIDTH, height / self.height])
 
+    def ratio(self):
+        """Of height and width of the sections."""
+        _, image = self.images[0]
+        return np.ptp(image.z) / np.ptp(image.x)
+
     def snapshot_size(self):
         """Columns of the array of snapshots, and width and height of one, inches."""
-        _, (x, z, _) = self.images[0]
-        ratio = (z[-1] - z[0]) / (x[-1] - x[0])
+        ratio = self.ratio()
         room = WIDTH - LEFT - RIGHT
         columns = 1 if ratio < 0.35 else 2 if ratio < 1 else 4
         columns = min(columns, len(self.images))
@@ -70,24 +67,14 @@ class Picture:
     def snapshots(self, top):
         columns, width, height = self.snapshot_size()
         rows = math.ceil(len(self.images) / columns)
-        speeds = np.concatenate([image[2].compressed() for _, image in self.images])
+        speeds = np.concatenate([image.speed.compressed() for _, image in self.images])
         fastest = max(np.percentile(speeds, 99.8) if speeds.size else 0, 1e-3)
         # A square-root scale: slow creep shows, too.
         norm = matplotlib.colors.PowerNorm(0.5, vmin=0, vmax=fastest, clip=True)
-        for k, (time, (x, z, speed)) in enumerate(self.images):
+        for k, (time, image) in enumerate(self.images):
             row, column = divmod(k, columns)
             axes = self.axes(LEFT + column * (width + GAP), top + row * (height + 0.6), width, height)
-            mesh = axes.pcolormesh(x, z, speed, norm=norm, cmap=SPEED, shading="nearest",
-                                   rasterized=True)
-            if 0 < speed.count() < speed.size:
-                axes.contour(x, z, (~np.ma.getmaskarray(speed)).astype(float), [0.5],
-                             colors="black", linewidths=1)
-            for fraction in self.fractions[k]:
-                if fraction.count() > 0 and fraction.min() < 0.5 < fraction.max():
-                    axes.contour(x, z, fraction, [0.5], colors=INTERFACE, linewidths=1.5)
-            for outline in self.picture.get("outlines", []):
-                axes.add_patch(matplotlib.patches.Polygon(outline, color="0.25", lw=0, zorder=3))
-            axes.set(xlim=(x[0], x[-1]), ylim=(z[0], z[-1]), aspect="equal")
+            mesh = image.draw(axes, norm)
             axes.set_title(f"t = {time:.2f} s", fontsize=12)
             axes.xaxis.set_major_locator(matplotlib.ticker.MaxNLocator(4 if columns < 4 else 3))
             axes.yaxis.set_major_locator(matplotlib.ticker.MaxNLocator(5))

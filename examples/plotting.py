@@ -18,6 +18,10 @@ SPEED = matplotlib.colors.LinearSegmentedColormap.from_list(
 DEPTH = matplotlib.colors.LinearSegmentedColormap.from_list(
     "depth", matplotlib.colormaps["YlOrBr"](np.linspace(0.25, 1, 256)))
 
+INTERFACE = "#D55E00"  # between materials, of Okabe and Ito
+SOLID = "0.35"
+SURFACE = 0.51  # solid fraction; not 1/2, which all nodes have on a section along a wall
+
 
 def read_table(path, columns, optional=()):
     """The columns of a CSV file, by name; of the optional ones those that are there."""
@@ -40,7 +44,7 @@ def read_table(path, columns, optional=()):
 def read_sections(path, row=None):
     """The table sections.csv, of one row across: the one at y = row (m), else the middle one."""
     table = read_table(path, ["time_s", "x_m", "z_m", "volume_fraction", "speed_m_s"],
-                       ["y_m", *(f"material_{m}_fraction" for m in range(1, 10))])
+                       ["y_m", "solid_fraction", *(f"material_{m}_fraction" for m in range(1, 10))])
     if "y_m" not in table:  # 2-D
         return table
     y = np.unique(table["y_m"])
@@ -88,14 +92,40 @@ def refined(x, z, fraction, speed, factor=8):
     return fine_x, fine_z, np.ma.masked_where(~(weight >= 0.5), fine_speed)
 
 
-def section_image(section, factor=8, value="speed_m_s"):
-    """A column of a section on a refined grid, masked outside the material."""
+def section_image(section, factor=8, value="speed_m_s", everywhere=False):
+    """A column of a section on a refined grid, masked outside the material unless it counts everywhere."""
     x, column = np.unique(section["x_m"].round(9), return_inverse=True)
     z, row = np.unique(section["z_m"].round(9), return_inverse=True)
     fraction, values = np.zeros((len(z), len(x))), np.zeros((len(z), len(x)))
-    fraction[row, column] = section["volume_fraction"]
+    fraction[row, column] = 1 if everywhere else section["volume_fraction"]
     values[row, column] = section[value]
     return refined(x, z, fraction, values, factor)
+
+
+class SectionPicture:
+    """The speed on a section at one instant, with the outlines of the material, of the materials in it if
+    there are several, and of what is rigid."""
+
+    def __init__(self, section, factor=8):
+        self.x, self.z, self.speed = section_image(section, factor)
+        self.parts = [section_image(section, factor, name)[2] for name in section if name.startswith("material_")]
+        self.solid = (section_image(section, factor, "solid_fraction", everywhere=True)[2]
+                      if "solid_fraction" in section else None)
+
+    def draw(self, axes, norm):
+        """Returns the image, for a colour bar."""
+        image = axes.pcolormesh(self.x, self.z, self.speed, norm=norm, cmap=SPEED, shading="nearest",
+                                rasterized=True)
+        if 0 < self.speed.count() < self.speed.size:
+            axes.contour(self.x, self.z, (~np.ma.getmaskarray(self.speed)).astype(float), [0.5],
+                         colors="black", linewidths=1)
+        for part in self.parts:
+            if part.count() > 0 and part.min() < 0.5 < part.max():
+                axes.contour(self.x, self.z, part, [0.5], colors=INTERFACE, linewidths=1.5)
+        if self.solid is not None and self.solid.max() > SURFACE:
+            axes.contourf(self.x, self.z, self.solid, [SURFACE, 2], colors=[SOLID], zorder=3)
+        axes.set(xlim=(self.x[0], self.x[-1]), ylim=(self.z[0], self.z[-1]), aspect="equal")
+        return image
 
 
 def round_ticks(highest, gap=0.11):

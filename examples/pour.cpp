@@ -154,9 +154,13 @@ int main(int argc, char** argv) {
     const double angle = mean_between(slope, "angle_deg", seconds / 2, seconds);
     const double now = talus::total_volume(sim.particles());
     const double balance = in > 0 ? (in - run.outflow_volume() - now) / in : 0;
-    const std::string fact = support::text("slope %.1f° while it is poured, %.1f° in the end; "
-                                           "friction angle %.1f°",
-                                           angle, surface.angle(), friction_angle);
+    const auto degrees = [](double value) { // none below six cells
+      return std::isfinite(value) ? support::text("%.1f°", value) : std::string("none");
+    };
+    const std::string fact =
+        support::text("slope %s while it is poured, %s in the end; "
+                      "friction angle %.1f°",
+                      degrees(angle).c_str(), degrees(surface.angle()).c_str(), friction_angle);
 
     // The surface with a line at the angle of friction through the middle of the slope.
     const talus::LineFit line = surface.line();

@@ -58,14 +58,13 @@ class Panel {
   nlohmann::json json_;
 };
 
-/// Draws OUT/NAME.png from OUT/picture.json, which it writes.
-inline void draw_panels(const CommonOptions& options, const std::string& name,
-                        const std::string& title, const std::vector<Panel>& panels) {
+/// Writes OUT/picture.json, which plot_study.py draws as OUT/NAME.png.
+inline void write_panels(const fs::path& out, const std::string& name, const std::string& title,
+                         const std::vector<Panel>& panels) {
   nlohmann::json picture = {{"name", name}, {"title", title}, {"panels", nlohmann::json::array()}};
   for (const Panel& panel : panels)
     picture["panels"].push_back(panel.json());
-  write_json(fs::path(options.out) / "picture.json", picture);
-  draw(options, "plot_study.py", options.out);
+  write_json(out / "picture.json", picture);
 }
 
 } // namespace support

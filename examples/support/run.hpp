@@ -6,9 +6,12 @@
 #include "results.hpp"
 #include "resume.hpp"
 #include "series.hpp"
+#include "solids_at.hpp"
 #include "vtk_frame.hpp"
 
+#include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/rigid_motion.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/strain_rate.hpp"
 #include "talus/dual/problem.hpp"
@@ -216,7 +219,7 @@ class Run {
     Series& added = series_.emplace_back(table(file, columns), columns);
     keep(
         file, [&added] { return json(added.columns()); },
-        [&added](const json& earlier) { added.restore(earlier.get<Series::Columns>()); });
+        [&added](const json& earlier) { added.restore(earlier); });
     return added;
   }
 
@@ -247,6 +250,7 @@ class Run {
       return false;
     stepped_ = true;
     time_before_ = time();
+    bodies_before_ = sim_.bodies();
     report_ = sim_.step(before_solve);
     statistics_.add(report_);
     if (!report_.completed()) {
@@ -279,8 +283,9 @@ class Run {
   const fs::path& folder() const { return out_; }
 
   std::function<void(double time)>
-      on_snapshot;  ///< what else to write; time: that of the grid's fields
-  std::string text; ///< shown beside the progress bar
+      on_snapshot;            ///< what else to write; time: that of the grid's fields
+  std::string text;           ///< shown beside the progress bar
+  std::optional<double> done; ///< share of the run; none: that of its time
   std::string status = "completed";
 
   /// Ends the progress bar, closes the tables and writes summary.json: what all runs tell, and
@@ -366,12 +371,13 @@ class Run {
   bool end_step() {
     if (due(sim_.time(), options_.snapshot_interval, next_snapshot_) || last_)
       snapshot(last_);
+    const double share = done.value_or(sim_.time() / last_time());
     if (text.empty()) {
       char line[64];
       std::snprintf(line, sizeof line, "t = %.3f s, %d sweeps", time(), report_.solve.iterations);
-      progress_.update(sim_.time() / last_time(), line);
+      progress_.update(share, line);
     } else {
-      progress_.update(sim_.time() / last_time(), text);
+      progress_.update(share, text);
     }
     if (last_)
       return false;
@@ -433,6 +439,11 @@ class Run {
     }
   }
 
+  /// Is there anything rigid besides the faces of the box?
+  bool has_solids() const {
+    return !sim_.params().obstacles.empty() || !sim_.params().bodies.empty();
+  }
+
   std::vector<std::string> section_columns() const {
     std::vector<std::string> names{"time_s"};
     for (int a = 0; a < dimension; ++a)
@@ -448,12 +459,16 @@ class Run {
     names.emplace_back("strain_rate_1_s");
     for (int m = 1; m < sim_.materials(); ++m)
       names.push_back("material_" + std::to_string(m) + "_fraction");
+    if (has_solids())
+      names.emplace_back("solid_fraction");
     return names;
   }
 
   void write_section(const talus::StrainRate<dimension>& strain_rate) {
     constexpr int up = talus::up_axis<dimension>;
     const auto& grid = sim_.grid();
+    const SolidsAt<dimension> solids(sim_.params(), bodies_before_,
+                                     time_before_ + options_.time_zero);
     std::vector<double> row;
     for (const int across : section_rows_)
       for (int i = 0; i <= grid.cells(0); ++i)
@@ -476,6 +491,8 @@ class Run {
           row.push_back(strain_rate.norm(node));
           for (int m = 1; m < sim_.materials(); ++m)
             row.push_back(sim_.material_fraction(node, m));
+          if (has_solids())
+            row.push_back(solids.fraction(x, grid.spacing()));
           sections_->row(row);
         }
   }
@@ -531,8 +548,9 @@ class Run {
   talus::CsvWriter *energy_ = nullptr, *forces_ = nullptr;
   std::vector<std::pair<std::string, std::function<json()>>> kept_;
   std::optional<talus::VtkSeries> particle_series_, grid_series_;
-  std::vector<int> section_rows_; ///< of nodes across
-  std::vector<double> frames_;    ///< times of the snapshots
+  std::vector<int> section_rows_;                            ///< of nodes across
+  std::vector<double> frames_;                               ///< times of the snapshots
+  talus::Array<talus::RigidState<dimension>> bodies_before_; ///< the last step
   double next_sample_ = 0, next_snapshot_ = 0, earlier_seconds_ = 0, time_before_ = 0;
   bool stepped_ = false, completed_one_ = false, last_ = false, sampled_ = false;
   talus::StepReport report_;

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "results.hpp"
+
 #include "talus/io/csv.hpp"
+
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cstddef>
@@ -48,7 +52,12 @@ class Series {
 
   /// All numbers so far, to go on with after a restart.
   const Columns& columns() const { return columns_; }
-  void restore(Columns columns) { columns_ = std::move(columns); }
+  /// What is not a number is null in JSON.
+  void restore(const nlohmann::json& columns) {
+    for (std::size_t c = 0; c < columns_.size(); ++c)
+      for (const nlohmann::json& value : columns.at(c))
+        columns_[c].push_back(value_or_nan(value));
+  }
 
  private:
   talus::CsvWriter* file_;

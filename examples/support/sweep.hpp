@@ -52,7 +52,7 @@ struct StudyOptions {
   std::string write_jobs{};
   std::string job_time = "24:00:00", job_memory = "2G"; ///< of each job that is written
   std::optional<double> end_time{};                     ///< s; without: at rest
-  bool overwrite = false;
+  bool overwrite = false, movie = false;
   CommonOptions common{};
   const CLI::Option* threads = nullptr; ///< --threads, as it was given
 
@@ -71,6 +71,7 @@ inline void add_study_options(CLI::App& app, StudyOptions& options, const std::s
   app.add_flag("--overwrite", options.overwrite,
                "Replace the runs and results that are there; without, runs that are finished are "
                "taken as they are, and others go on");
+  app.add_flag("--movie", options.movie, "Draw a movie of each run, in its folder");
   app.add_option("--write-jobs", options.write_jobs,
                  "Run nothing, but write an array-job script for a batch system (sbatch) to this "
                  "file; when its jobs are done, the same command without it gathers the results. "
@@ -233,6 +234,8 @@ class Sweep {
     words.insert(words.end(), job.arguments.begin(), job.arguments.end());
     if (options_.end_time)
       words.insert(words.end(), {"--end-time", text(*options_.end_time)});
+    if (options_.movie)
+      words.emplace_back("--movie");
     words.insert(words.end(), {"--threads", std::to_string(threads), "--vtk", "none", "--quiet",
                                "--no-plot", "--resume", "--out", folder(job).string()});
     return words;
@@ -430,7 +433,10 @@ int run_study(const StudyOptions& options, const std::string& name, const Study&
         std::printf("\n");
       }
     }
-    draw_panels(options.common, name, title, results.panels);
+    write_panels(out, name, title, results.panels);
+    draw(options.common, "plot_study.py", out);
+    if (options.movie && !options.common.quiet)
+      std::printf("a movie of each run: %s/runs/*/\n", out.c_str());
     return 0;
   } catch (const Interrupted&) {
     if (!options.write_jobs.empty())

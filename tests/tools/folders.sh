@@ -6,7 +6,7 @@
 #
 #     folders.sh PROGRAMS FOLDER
 #
-# PROGRAMS: the folder with collapse and rheology_comparison.
+# PROGRAMS: the folder with avalanche, collapse and rheology_comparison.
 set -eu
 programs=$(cd "$1" && pwd)
 rm -rf "$2"
@@ -123,6 +123,28 @@ rm study/summary.json
 refused '--end-time = 0.02, not 0.03' study --end-time 0.03 --out study
 study --end-time 0.03 --out study --overwrite
 grep -q '"end-time": 0.03' study/runs/stop/summary.json || fail "--overwrite did not replace the runs"
+
+# What a study is asked for its runs do: a movie each.
+study --movie --end-time 0.02 --out movies --write-jobs movies.sh > log
+[ "$(grep -c -e ' --movie ' movies.sh)" -eq 4 ] || fail "--movie does not reach the runs: $(cat movies.sh)"
+
+# An avalanche that is interrupted goes on with its tilts.
+tilting='--particles-per-edge 1 --from 23 --to 23.5 --quiet --no-plot --threads 1'
+# shellcheck disable=SC2086
+avalanche() { "$programs/avalanche" $tilting "$@"; }
+avalanche --out tilts
+# shellcheck disable=SC2086
+(exec "$programs/avalanche" $tilting --out tilted) &
+process=$!
+until [ -s tilted/sections.csv ]; do sleep 0.05; done
+sleep 1
+kill -TERM $process
+wait $process && fail "the avalanche ended before it was interrupted"
+avalanche --out tilted --resume
+[ "$(wc -l < tilted/angles.csv)" -eq 3 ] || fail "an avalanche of two tilts: $(cat tilted/angles.csv)"
+for table in angles motion sections; do
+  cmp tilts/$table.csv tilted/$table.csv || fail "$table.csv of an avalanche that was interrupted"
+done
 
 # An array job, written with a relative folder and run from elsewhere.
 study --end-time 0.02 --out array --write-jobs jobs.sh --threads 3 --job-memory 5G > log

@@ -83,6 +83,14 @@ check(run("two", "--section-rows", "wall", "3"), 0, [0, 0.06], 0.01)
 # rigid side walls, one cell thick, outside of the channel: opened 0.2 s later, at rest before
 solid = run("solid", "--preset", "repository", "--section-rows", "all")
 assert np.allclose(np.unique(solid.table("sections")["y_m"]), [0, 0.02, 0.04, 0.06])
+# the gate, two cells thick: 1/2 + s (1 - |s|/2) of a node's volume is free a distance of s cells from it; its lower edge is
+# in the first cells. The walls are beside the rows.
+seen, inputs = solid.section(0, y=0.02), solid.summary["inputs"]
+half = inputs["gate_thickness_m"] / 2
+gap = np.abs(seen["x_m"] - inputs["column_length_m"] - half) - half
+s = np.clip(gap / seen["x_m"][1], -1, 1)
+assert np.allclose(seen["solid_fraction"][:, 5:], (0.5 - s * (1 - abs(s) / 2))[:, None], atol=1e-9), "the gate"
+assert seen["solid_fraction"][:, 5:].max() > 0.9 and seen["solid_fraction"][:, 0].max() < 0.1
 flat = run("flat", "--dim", "2").table("sections")
 assert "y_m" not in flat and not any("y" in name.split("_")[1] for name in flat), sorted(flat)
 

@@ -218,6 +218,25 @@ TEST_CASE("materials: several that are the same are as one") {
   CHECK(two.face_wrench(1, false).force[1] == about(one.face_wrench(1, false).force[1], 1e-6));
 }
 
+TEST_CASE("materials: energies weigh each particle by its own density") {
+  using Two = Mixed<2>;
+  auto params = scenes::box_for<Two>({0.3, 0, 0.2}, {15, 0, 10}, 0);
+  params.gravity = {0.5, -9.81};
+  params.rheology.list = {{.density = 1000, .law = {.mu = 0.4}},
+                          {.density = 2500, .law = {.mu = 0.4}}};
+  Particles<2> sand;
+  sand.add({0.1, 0.05}, {3, 4}, 2e-5);
+  sand.add({0.2, 0.15}, {0, -2}, 1e-5, 1);
+  const Two two(params, sand);
+  CHECK(kinetic_energy(two) == about(1000 * 2e-5 * 25 / 2 + 2500 * 1e-5 * 4 / 2));
+  CHECK(potential_energy(two) ==
+        about(1000 * 2e-5 * (9.81 * 0.05 - 0.5 * 0.1) + 2500 * 1e-5 * (9.81 * 0.15 - 0.5 * 0.2)));
+  auto plain = scenes::box<2>({0.3, 0, 0.2}, {15, 0, 10}, 0, 0.44);
+  sand.material.clear(); // of one material
+  const scenes::Sim<2> one(plain, sand);
+  CHECK(kinetic_energy(one) == about(kinetic_energy(sand, plain.material.density)));
+}
+
 TEST_CASE("materials: the same bits for any number of threads, and from a checkpoint on") {
   same_bits<2>();
   same_bits<3>();

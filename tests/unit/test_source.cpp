@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: MIT
 // Sources, sinks, add and remove: volumes, ids, room, reproducibility, wrong input.
 
+#include "talus/boundary/floor.hpp"
+#include "talus/boundary/obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/totals.hpp"
@@ -268,6 +270,49 @@ TEST_CASE("a source holds back what has no room, and goes on when there is some"
   const double lower_half = 0.05;
   sim.remove([&](std::size_t p) { return sim.particles().position[p][1] < lower_half; });
   CHECK(run(sim, 2).end == about(0.04 * 0.1, 0.05));
+}
+
+TEST_CASE("what a strip on sinking material lets in is dense") {
+  auto params = box<2>();
+  params.grid.size = {0.04, 0.12};
+  params.grid.cells = {4, 12};
+  params.faces.lower[1] = {FaceKind::open};
+  const double speed = 0.05, level = 0.1, end = 0.6;
+  params.obstacles = {make_obstacle<Floor<2>>({.friction = 0, .sink_speed = speed})};
+  const Grid<2> grid(params.grid);
+  Particles<2> sand;
+  fill_box<2>(sand, grid, {0, 0}, {0.04, level}, {.per_axis = 3, .jitter = 0});
+  for (const double jitter : {0.0, 0.5}) {
+    CAPTURE(jitter);
+    params.exchange = make_source<2>(grid, {.lower = {0, level},
+                                            .upper = {0.04, level},
+                                            .velocity = {0, -0.5},
+                                            .seeding = {.per_axis = 3, .jitter = jitter}});
+    Sim<2> sim(params, sand);
+    const double dense = 0.04 * speed * end;
+    const double in = run(sim, end).in / dense;
+    CHECK(in > 0.97);
+    CHECK(in < 1.12); // layers close up as they slow down
+  }
+}
+
+TEST_CASE("a strip that nothing stands in the way of lets all in, dense as it is") {
+  for (const int per_axis : {2, 3, 6})
+    for (const double jitter : {0.0, 0.5, 1.0}) {
+      auto params = box<2>();
+      params.exchange = make_source<2>(Grid<2>(params.grid),
+                                       {.lower = {0.08, 0.18},
+                                        .upper = {0.12, 0.18},
+                                        .velocity = {0, -1},
+                                        .time = {.end = 0.1},
+                                        .seeding = {.per_axis = per_axis, .jitter = jitter}});
+      params.gravity.setZero();
+      Sim<2> sim(params, {});
+      const Balance balance = run(sim, 0.1);
+      CAPTURE(per_axis);
+      CAPTURE(jitter);
+      CHECK(balance.in == about(0.04 * 0.1, jitter < 1 ? 1e-9 : 2e-3));
+    }
 }
 
 TEST_CASE("sources within material, and sinks with a time") {

@@ -27,12 +27,17 @@ double total_volume(const Particles<Dim, Real>& particles) {
   return volume_sum(particles, [](std::size_t) { return 1; });
 }
 
-/// Σ V_p of the particles of one material, m^d. material: its index, see Materials.
+/// The index of a particle's material, see Materials.
+template <int Dim, class Real>
+int material_of(const Particles<Dim, Real>& particles, std::size_t p) {
+  return particles.material.empty() ? 0 : particles.material[p];
+}
+
+/// Σ V_p of the particles of one material, m^d. material: its index.
 template <int Dim, class Real>
 double total_volume(const Particles<Dim, Real>& particles, int material) {
-  return volume_sum(particles, [&](std::size_t p) {
-    return (particles.material.empty() ? 0 : particles.material[p]) == material ? 1 : 0;
-  });
+  return volume_sum(particles,
+                    [&](std::size_t p) { return material_of(particles, p) == material ? 1 : 0; });
 }
 
 /// Σ V_p x_p / Σ V_p, m; not a number without particles.
@@ -63,6 +68,17 @@ double kinetic_energy(const Particles<Dim, Real>& particles, double density) {
          });
 }
 
+/// Σ ρ_p V_p |v_p|²/2 of a simulation, ρ_p the density of the particle's material, J (2-D: J/m);
+/// else as above. With ranks that of this rank's particles.
+template <class Sim>
+double kinetic_energy(const Sim& sim) {
+  const auto& particles = sim.particles();
+  return volume_sum(particles, [&](std::size_t p) {
+    return sim.density(material_of(particles, p)) *
+           particles.velocity[p].template cast<double>().squaredNorm() / 2;
+  });
+}
+
 /// −ρ Σ V_p g·x_p, J (2-D: J/m); 0 at the origin of the coordinates. density: ρ, kg/m³; gravity:
 /// g, m/s².
 template <int Dim, class Real>
@@ -70,6 +86,15 @@ double potential_energy(const Particles<Dim, Real>& particles, double density,
                         const Vec<Dim>& gravity) {
   return -density *
          volume_sum(particles, [&](std::size_t p) { return gravity.dot(particles.position[p]); });
+}
+
+/// −Σ ρ_p V_p g·x_p of a simulation, with its gravity; else as above and as kinetic_energy.
+template <class Sim>
+double potential_energy(const Sim& sim) {
+  const auto& particles = sim.particles();
+  return -volume_sum(particles, [&](std::size_t p) {
+    return sim.density(material_of(particles, p)) * sim.gravity().dot(particles.position[p]);
+  });
 }
 
 } // namespace talus

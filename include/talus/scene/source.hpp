@@ -53,11 +53,14 @@ struct Duration {
 /// that in the end Q (t_1 − t_0) has come, if there is an end.
 ///
 /// A particle that has no room is held back, for ever: StepReport::held_back_volume. It has room
-/// if, of what particles in the strip or region may weigh around it,
-/// \f[ \sum_p V_p w(x_p − x) + \tfrac12 \sum_q V_q w(x_q − x) \le \int w, \quad
-///     w(r) = \prod_a \max(0, 1 − |r_a|/h_a), \f]
-/// p: those that are there; q: those of its layer; h: a cell's edges. The integral is over the part
-/// of the region, or the space in front of the strip, that is in the box. Obstacles are not seen.
+/// if what is there weighs no more around its place x than dense material would,
+/// \f[ \sum_p V_p w(x_p − x) \le \int w + m, \quad w(r) = \prod_a \max(0, 1 − |r_a|/h_a), \f]
+/// h: a cell's edges. In a region the integral is over its part that is in the box, and m = −V/2.
+/// For a strip x is the middle of the particle's share, without jitter, the integral is over the
+/// box beyond the layer, and m is three times the standard deviation that jitter j gives the sum in
+/// a dense block of shares with edges e,
+/// \f[ m² = \tfrac34 j² V |h_1 \dots h_d| (2/3)^{d−1} \sum_a (e_a/h_a)². \f]
+/// Obstacles are not seen.
 template <int Dim, class Real = double>
 class Source final : public Exchange<Dim, Real> {
  public:
@@ -112,10 +115,11 @@ class Source final : public Exchange<Dim, Real> {
     std::vector<Entry> there;
     for (std::size_t p = 0; p < particles.size(); ++p)
       add_entry(particles.position[p], static_cast<double>(particles.volume[p]), there);
+    std::vector<Vec<Dim>> places, middles;
     for (std::uint64_t k = first; k < last; ++k) {
-      const std::vector<Vec<Dim>> places = group(k, to);
+      group(k, to, places, middles);
       const double volume = volume_ / static_cast<double>(places.size());
-      const std::vector<char> room = room_for(places, volume, there, execution);
+      const std::vector<char> room = room_for(middles, volume, there, execution);
       for (std::size_t i = 0; i < places.size(); ++i) {
         if (!execution.first_rank()) {
           particles.next_id += room[i] ? 1U : 0U;
@@ -172,11 +176,12 @@ class Source final : public Exchange<Dim, Real> {
     if (!is_strip())
       return;
     const double u = params_.velocity[axis_], plane = params_.lower[axis_];
+    into_ = u > 0;
     const double ahead = u > 0 ? to[axis_] - plane : u < 0 ? plane - from[axis_] : 0;
     if (!(ahead >= grid_.spacing()[axis_]))
       throw_invalid(std::string("source.velocity.") + "xyz"[axis_], u,
                     "a speed through the strip into the grid, with at least a cell ahead of it");
-    (u > 0 ? room_upper_ : room_lower_)[axis_] = u > 0 ? to[axis_] : from[axis_];
+    (into_ ? room_upper_ : room_lower_)[axis_] = into_ ? to[axis_] : from[axis_];
   }
 
   /// The middles of a layer's shares.
@@ -217,23 +222,29 @@ class Source final : public Exchange<Dim, Real> {
                     "at most the strip's area times the speed, " + text_of(most) + " m^d/s");
   }
 
-  /// The places (m) at the time `to` of the layer, or of the particle, of number k.
-  std::vector<Vec<Dim>> group(std::uint64_t k, double to) const {
+  /// The places (m) at the time `to` of the layer, or of the particle, of number k; middles: of
+  /// their shares.
+  void group(std::uint64_t k, double to, std::vector<Vec<Dim>>& places,
+             std::vector<Vec<Dim>>& middles) const {
     Random random(params_.seeding.seed ^ ((k + 1) * 0xd1342543de82ef95U)); // a stream of its own
-    if (!is_strip())
-      return {draw(random)};
+    if (!is_strip()) {
+      places = middles = {draw(random)};
+      return;
+    }
     const double due_at = params_.time.start + static_cast<double>(k + 1) * period_;
     const double age = std::max(0.0, to - due_at);
-    std::vector<Vec<Dim>> places = layer_;
-    const double into = params_.velocity[axis_] > 0 ? 0.5 : -0.5;
-    for (Vec<Dim>& x : places) {
-      for (int a = 0; a < Dim; ++a)
-        x[a] += edge_[a] * params_.seeding.jitter * (random.uniform() - 0.5);
-      x[axis_] += into * edge_[axis_];
+    places = middles = layer_;
+    const auto bring = [&](Vec<Dim>& x) {
+      x[axis_] += (into_ ? 0.5 : -0.5) * edge_[axis_];
       x += age * params_.velocity;
       x = x.cwiseMax(grid_.origin()).cwiseMin(grid_.upper());
+    };
+    for (std::size_t i = 0; i < places.size(); ++i) {
+      for (int a = 0; a < Dim; ++a)
+        places[i][a] += edge_[a] * params_.seeding.jitter * (random.uniform() - 0.5);
+      bring(places[i]);
+      bring(middles[i]);
     }
-    return places;
   }
 
   Vec<Dim> draw(Random& random) const {
@@ -262,7 +273,7 @@ class Source final : public Exchange<Dim, Real> {
     return w;
   }
 
-  /// ∫ w(y − x) dy over the part that counts, m^d.
+  /// ∫ w(y − x) dy over the part that counts, for a strip beyond the layer of x, m^d.
   double capacity(const Vec<Dim>& x) const {
     double product = 1;
     for (int a = 0; a < Dim; ++a) {
@@ -271,9 +282,21 @@ class Source final : public Exchange<Dim, Real> {
         const double reach = std::clamp(s, 0.0, h);
         return reach - reach * reach / (2 * h);
       };
-      product *= half(x[a] - room_lower_[a]) + half(room_upper_[a] - x[a]);
+      const double below = x[a] - room_lower_[a], above = room_upper_[a] - x[a];
+      product *=
+          a != axis_ ? half(below) + half(above) : half(into_ ? above : below) - half(edge_[a] / 2);
     }
     return product;
+  }
+
+  /// m, m^d.
+  double margin(double volume) const {
+    if (!is_strip())
+      return -volume / 2;
+    const double jitter = params_.seeding.jitter;
+    const double shares = edge_.cwiseProduct(grid_.inverse_spacing()).squaredNorm();
+    return jitter *
+           std::sqrt(0.75 * volume * grid_.cell_volume() * std::pow(2.0 / 3, Dim - 1) * shares);
   }
 
   /// Which of the places have room; the same on all ranks, whatever the order of the particles.
@@ -286,19 +309,16 @@ class Source final : public Exchange<Dim, Real> {
           sums[i].add(w * entry.volume);
     execution.join(sums.data(), static_cast<int>(sums.size()));
     std::vector<char> room(places.size());
-    for (std::size_t i = 0; i < places.size(); ++i) {
-      double own = 0;
-      for (const Vec<Dim>& place : places)
-        own += volume * weight(places[i], place);
-      room[i] = sums[i].value() + own / 2 <= capacity(places[i]) ? 1 : 0;
-    }
+    for (std::size_t i = 0; i < places.size(); ++i)
+      room[i] = sums[i].value() <= capacity(places[i]) + margin(volume) ? 1 : 0;
     return room;
   }
 
   Grid<Dim> grid_;
   Params params_;
-  int axis_ = -1; ///< that a strip is flat along; -1: a region
-  Vec<Dim> edge_; ///< of a particle's share, m
+  int axis_ = -1;     ///< that a strip is flat along; -1: a region
+  bool into_ = false; ///< does a strip's material go up that axis?
+  Vec<Dim> edge_;     ///< of a particle's share, m
   std::vector<Vec<Dim>> layer_;
   Vec<Dim> room_lower_, room_upper_; ///< the part of the box that counts, m
   double volume_ = 0;                ///< V, m^d
