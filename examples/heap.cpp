@@ -8,6 +8,7 @@
 #include "talus/boundary/gate.hpp"
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/profile.hpp"
+#include "talus/solver/sweeps_then_interior_point.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -21,7 +22,8 @@ int main(int argc, char** argv) {
   scene.option("--gap", gap, "gap_m", "Below the plate in the end, m");
   scene.option("--lift-speed", lift_speed, "lift_speed_m_s", "Of the plate, m/s");
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
-    auto params = scene.box<dim>({0.5, 0.05, 0.22});
+    using Sim = support::SceneSimulation<dim, talus::SweepsThenInteriorPoint>;
+    auto params = scene.box<dim, Sim>({0.5, 0.05, 0.22});
     for (std::size_t a = 0; a + 1 < dim; ++a) // no friction at the sides
       params.faces.lower[a] = params.faces.upper[a] = {talus::FaceKind::free_slip};
     params.obstacles = {talus::make_obstacle<talus::Gate<dim>>(
@@ -33,7 +35,7 @@ int main(int argc, char** argv) {
     };
     talus::Particles<dim> sand;
     fill(sand, talus::Grid<dim>(params.grid), column, scene.seeding);
-    support::SceneSimulation<dim> sim(params, sand);
+    Sim sim(params, sand); // much friction: sweeps alone do not arrive in every step
     auto run = scene.start(sim);
     if (run.finished())
       return 0;

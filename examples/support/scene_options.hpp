@@ -28,9 +28,9 @@
 namespace support {
 
 /// The simulation of these programs: one law, one solver, so that they compile fast.
-template <int Dim>
+template <int Dim, class Solver = talus::GaussSeidel<>>
 using SceneSimulation =
-    OnRanks<talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, talus::GaussSeidel<>>>;
+    OnRanks<talus::Simulation<Dim, talus::ConstantFriction, talus::PolyPic, Solver>>;
 
 /// What it holds when add_scene_options is called is the default.
 struct SceneOptions {

@@ -7,16 +7,20 @@
 #include "talus/solver/interior_point.hpp"
 #include "talus/solver/solver.hpp"
 
+#include <cstddef>
+
 namespace talus {
 
 /// Sweeps of GaussSeidel<>, and where they do not reach the tolerance, InteriorPoint from what they
-/// left: as cheap as sweeps alone in the steps that those solve. On one rank.
+/// left: as cheap as sweeps alone in the steps that those solve. With several ranks, or more cones
+/// than `max_cones`, it is sweeps alone.
 class SweepsThenInteriorPoint {
  public:
   struct Params {
-    double tolerance = 5e-5;  ///< for the l2 residual of dual/residual.hpp
-    int max_sweeps = 2000;    ///< then interior points take over
-    int max_iterations = 400; ///< of InteriorPoint
+    double tolerance = 5e-5;      ///< for the l2 residual of dual/residual.hpp
+    int max_sweeps = 2000;        ///< then interior points take over
+    int max_iterations = 400;     ///< of InteriorPoint
+    std::size_t max_cones = 5000; ///< of problems that interior points may have: factors fill
   };
   template <int Dim>
   struct Workspace {
@@ -33,13 +37,13 @@ class SweepsThenInteriorPoint {
 
   const Params& params() const { return params_; }
 
-  /// iterations: sweeps and factorisations. Throws std::invalid_argument with several ranks.
+  /// iterations: sweeps and factorisations.
   template <int Dim>
   SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
                     const Execution& execution) const {
-    InteriorPoint::require_one_rank(execution);
     const SolveReport first = sweeps_.solve(problem, workspace.sweeps, execution);
-    if (first.status != SolveStatus::not_converged)
+    if (first.status != SolveStatus::not_converged || problem.cones() > params_.max_cones ||
+        execution.sum(std::size_t{1}) > 1)
       return first;
     SolveReport report = interior_point_.solve(problem, workspace.interior_point, execution);
     report.iterations += first.iterations;
