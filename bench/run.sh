@@ -5,8 +5,8 @@
 #     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes;
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
-#     sh bench/run.sh profile [--out DIR]                               global solvers on 48 problems that it records; an hour,
-#         goes on where it was stopped
+#     sh bench/run.sh profile [--out DIR] [NAME...]                     global solvers on 48 problems that it records; an hour,
+#         goes on where it was stopped; names: of some problems alone, as in record_global_problems.cpp
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 #     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
 #     sh bench/run.sh ranks [--out DIR] [--quick] [--ranks N...]        1, 2, 4, ... ranks of MPI, phase by phase, 5 minutes
@@ -20,6 +20,7 @@ case ${1:-} in
   -h | --help) sed -n '3,13s/^# \{0,1\}//p' "$0"; exit 0 ;;
   *) echo "which benchmark? sh $0 local | global | profile | step | scaling | ranks | accuracy" >&2; exit 2 ;;
 esac
+[ "${1:-}" != --help ] || exec sh "$0" --help
 out=$root/out/bench_$name
 if [ "${1:-}" = --out ]; then
   [ $# -ge 2 ] || { echo "--out needs a folder" >&2; exit 2; }
@@ -65,7 +66,7 @@ fi
 
 solve="$build/bench/bench_global_solver"
 if [ "$name" = profile ]; then
-  "$build/bench/record_global_problems" "$out"
+  "$build/bench/record_global_problems" "$out" "$@"
   for problem in "$out"/*.talus; do
     result=$out/profile_$(basename "$problem" .talus).json
     [ -s "$result" ] && continue

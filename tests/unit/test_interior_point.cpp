@@ -176,13 +176,18 @@ TEST_CASE("interior points and sweeps agree") {
 TEST_CASE("interior points take over where sweeps do not arrive, and not before") {
   DualProblem<2> hard = pile<2>(2), easy = hard;
   SweepsThenInteriorPoint::Workspace<2> workspace;
-  const auto run = [&](double tolerance, DualProblem<2>& problem) {
-    return SweepsThenInteriorPoint({.tolerance = tolerance, .max_sweeps = 30})
+  const auto run = [&](double tolerance, DualProblem<2>& problem, std::size_t max_cones = 100) {
+    return SweepsThenInteriorPoint(
+               {.tolerance = tolerance, .max_sweeps = 30, .max_cones = max_cones})
         .solve(problem, workspace, Execution());
   };
   CHECK(GaussSeidel<>({.tolerance = 1e-8, .max_sweeps = 30})
             .solve(easy, workspace.sweeps, Execution())
             .status == SolveStatus::not_converged);
+  DualProblem<2> large = hard;
+  const SolveReport by_sweeps = run(1e-8, large, large.cones() - 1);
+  CHECK(by_sweeps.status == SolveStatus::not_converged);
+  CHECK(by_sweeps.iterations == 30);
   const SolveReport by_both = run(1e-8, hard);
   CHECK(by_both.status == SolveStatus::converged);
   CHECK(by_both.iterations > 30);
