@@ -42,8 +42,8 @@ class SweepsThenInteriorPoint {
   SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
                     const Execution& execution) const {
     const SolveReport first = sweeps_.solve(problem, workspace.sweeps, execution);
-    if (first.status != SolveStatus::not_converged || problem.cones() > params_.max_cones ||
-        execution.sum(std::size_t{1}) > 1)
+    if (first.status != SolveStatus::not_converged || execution.sum(std::size_t{1}) > 1 ||
+        problem.cones() > params_.max_cones)
       return first;
     SolveReport report = interior_point_.solve(problem, workspace.interior_point, execution);
     report.iterations += first.iterations;
