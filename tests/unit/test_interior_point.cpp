@@ -84,7 +84,7 @@ void same_algebra(const DualProblem<Dim>& problem) {
   const SparseProblem& sparse = form.sparse;
   Eigen::VectorXd force = Eigen::VectorXd::Zero(sparse.unknowns);
   sparse.add_forces(sparse.lambda.data(), force.data());
-  Eigen::SparseLU<Eigen::SparseMatrix<double>> mass(sparse.mass);
+  Eigen::SparseLU<Eigen::SparseMatrix<double>, Eigen::AMDOrdering<int>> mass(sparse.mass);
   const Eigen::VectorXd v = mass.solve(force);
   Eigen::VectorXd gamma = Eigen::Map<const Eigen::VectorXd>(sparse.start.data(), sparse.rows());
   sparse.add_rates(v.data(), gamma.data());

@@ -313,25 +313,24 @@ TEST_CASE("a law that sees the flow: place, strain rate, pressure and volume fra
 }
 
 TEST_CASE("a law that gives no friction is refused by the step, of one material and of several") {
-  const auto law = [](const FlowState<2>& at) { return at.position[0] < 0.05 ? 0.3 : -0.1; };
-  using Law = LocalFriction<decltype(law)>;
+  using F = std::function<double(const FlowState<2>&)>;
+  const F law = [](const FlowState<2>& at) { return at.position[0] < 0.05 ? 0.3 : -0.1; };
   const auto check = [](auto sim) {
     const StepReport report = sim.step();
     CHECK(!report.completed());
     CHECK(report.invalid_friction > 0);
     CHECK(contains(std::string(report.why()), "no finite number >= 0"));
   };
-  using One = Simulation<2, Law, PolyPic, GaussSeidel<>>;
+  using One = Simulation<2, LocalFriction<F>, PolyPic, GaussSeidel<>>;
   auto one = scenes::box_for<One>({0.1, 0, 0.1}, {5, 0, 5}, 0);
   one.material.density = 1500;
   one.rheology.law = law;
   auto sand = scenes::block<2>(one.grid, 0, 0.1, 0, 0.08);
   check(One(one, sand));
   // others' friction does not hide it
-  using F = std::function<double(const FlowState<2>&)>;
   using Two = Mixed<2, LocalFriction<F>>;
   auto two = scenes::box_for<Two>({0.1, 0, 0.1}, {5, 0, 5}, 0);
-  two.rheology.list = {{.density = 1500, .law = {.law = F(law)}},
+  two.rheology.list = {{.density = 1500, .law = {.law = law}},
                        {.density = 1500, .law = {.law = [](const FlowState<2>&) { return 0.9; }}}};
   sand.resize_material(sand.size());
   for (std::size_t p = 0; p < sand.size(); p += 2)

@@ -29,7 +29,7 @@ using support::about;
 namespace {
 
 template <int Dim>
-using Sim = Simulation<Dim, ConstantFriction, Apic, GaussSeidel<>>;
+using Sim = Simulation<Dim, ConstantFriction, PolyPic, GaussSeidel<>>;
 
 /// A box of 0.4 m × 0.1 m × 0.2 m in cells of 1 cm (2 cm across).
 template <int Dim>
@@ -214,7 +214,7 @@ TEST_CASE("the mean profile across counts the rows at the walls half") {
 }
 
 TEST_CASE("the statistics of a user's solver are read back from its workspace") {
-  using Mine = Simulation<2, ConstantFriction, Apic, Counting>;
+  using Mine = Simulation<2, ConstantFriction, PolyPic, Counting>;
   const auto params = box<2>();
   Mine::Params mine;
   mine.grid = params.grid;
