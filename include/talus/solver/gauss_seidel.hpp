@@ -41,7 +41,8 @@ namespace talus {
 ///     and frozen during the local solve, which then is convex:
 ///     \f[ s_i ← (1 − ω) s_i + ω \tilde μ_i |γ_T|, \f]
 ///     ω = 1, and a quarter of that, down to 0.01, whenever 32 extrapolated sweeps have not brought
-///     the changes down: with much friction sweeps run after s in circles.
+///     the changes down: with much friction sweeps run after s in circles. The largest β then falls
+///     by 0.025.
 ///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (extrapolation 0), for
 ///     comparison.
 /// Both have the same solutions.
@@ -121,8 +122,10 @@ class GaussSeidel {
       last_change_ = change;
       least_ = std::min(least_, change);
       if (++sweeps_ % 32 == 0) {
-        if (least_ > 0.99 * least_before_) // going round in circles
+        if (least_ > 0.99 * least_before_) { // going round in circles
           relaxation_ = std::max(0.01, relaxation_ / 4);
+          largest_ = std::max(0.0, largest_ - 0.025);
+        }
         least_before_ = least_;
         least_ = infinity;
       }
