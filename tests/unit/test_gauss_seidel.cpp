@@ -12,7 +12,6 @@
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/transfer/schemes.hpp"
 
-#include "../physics/scenes.hpp"
 #include "../support/pile.hpp"
 
 #include <Eigen/Dense>
@@ -170,17 +169,4 @@ TEST_CASE("Gauss-Seidel says when it stops early") {
   CHECK(report.residual.l2 > 1e-12);
   CHECK(to_string(report.status) == "not converged");
   CHECK_THROWS_AS(S({.max_sweeps = 0}), std::invalid_argument);
-}
-
-TEST_CASE("Gauss-Seidel arrives where its sweeps would run after the de Saxcé term in circles") {
-  auto params = scenes::box<2>({0.4, 0, 0.2}, {24, 1, 12}, 0, 1.2);
-  params.solver = {};
-  params.time_step = 3e-3;
-  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 0, 0.12, 0, 0.16, 0.5));
-  StepReport report;
-  for (int k = 0; k < 10; ++k)
-    report = sim.step();
-  REQUIRE(report.completed());
-  CHECK(report.solve.iterations > 200);
-  CHECK(report.solve.status == SolveStatus::converged);
 }

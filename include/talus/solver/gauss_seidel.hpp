@@ -33,16 +33,13 @@ namespace talus {
 ///     t_{k+1} = \bigl( 1 + \sqrt{1 + 4 t_k^2} \bigr) / 2, \f]
 /// x: the stresses, impulses and velocities after sweep k (t: Nesterov's sequence), which saves 3
 /// to 10 times the sweeps. It starts over with β = 0 when a sweep changed much more than the one
-/// before. What solve() leaves is always an x: the outcome of a sweep.
+/// before, and lowers the largest β when the changes no longer become less. What solve() leaves is
+/// always an x: the outcome of a sweep.
 ///
 /// Local says how a visit improves the cone: ProjectionStep (default) goes one step, SecularSolver
 /// and the other models of LocalSolver go all the way. Law says to which local problem:
-///   - AssociatedLaw (default): the de Saxcé term s_i → μ̃ |γ_T| is taken from the latest velocities
-///     and frozen during the local solve, which then is convex:
-///     \f[ s_i ← (1 − ω) s_i + ω \tilde μ_i |γ_T|, \f]
-///     ω = 1, and a quarter of that, down to 0.01, whenever 32 extrapolated sweeps have not brought
-///     the changes down: with much friction sweeps run after s in circles. The largest β then falls
-///     by 0.025.
+///   - AssociatedLaw (default): the de Saxcé term s_i = μ̃ |γ_T| is taken from the latest velocities
+///     and frozen during the local solve, which then is convex.
 ///   - CoulombLaw: the non-associated law itself, as in Rousseau et al. 2023 (extrapolation 0), for
 ///     comparison.
 /// Both have the same solutions.
@@ -63,8 +60,6 @@ class GaussSeidel {
     Array<typename Local::template Prepared<Law, symmetric_size<Dim>>> prepared; ///< #cones
     Array<Mat<symmetric_size<Dim>>> diagonal; ///< W_ii, #cones; for local solvers only
     Array<double> inverse_scale;              ///< 1/w_i, w_i = tr W_ii/s, #cones
-    Array<double> opening_rate;               ///< s_i, #cones
-    double relaxation = 1;                    ///< ω
     Array<std::size_t> misses;                ///< local solves that failed, #blocks
     Array<double> change2;                    ///< Σ w_i |Δλ_i|² of the last sweep, #blocks
     double body_change2 = 0;                  ///< the same of the contacts of free bodies
@@ -108,24 +103,19 @@ class GaussSeidel {
   }
 
  private:
-  /// Chooses β and ω from the change that each sweep made, sqrt(Σ w_i |Δλ_i|²).
+  /// Chooses β from the change that each sweep made, sqrt(Σ w_i |Δλ_i|²).
   class Extrapolation {
    public:
     explicit Extrapolation(double largest) : largest_(largest) {}
 
-    double relaxation() const { return relaxation_; }
-
-    /// β
     double next(double change) {
       if (change > 1.25 * last_change_) // gone too far: start over
         t_ = 1;
       last_change_ = change;
       least_ = std::min(least_, change);
-      if (++sweeps_ % 32 == 0) {
-        if (least_ > 0.99 * least_before_) { // going round in circles
-          relaxation_ = std::max(0.01, relaxation_ / 4);
-          largest_ = std::max(0.0, largest_ - 0.025);
-        }
+      if (++sweeps_ % 64 == 0) {
+        if (least_ > 0.99 * least_before_) // going round in circles
+          largest_ = std::max(0.0, largest_ - 0.1);
         least_before_ = least_;
         least_ = infinity;
       }
@@ -136,8 +126,7 @@ class GaussSeidel {
 
    private:
     static constexpr double infinity = std::numeric_limits<double>::infinity();
-    double largest_, relaxation_ = 1, t_ = 1, last_change_ = infinity, least_ = infinity,
-                     least_before_ = infinity;
+    double largest_, t_ = 1, last_change_ = infinity, least_ = infinity, least_before_ = infinity;
     int sweeps_ = 0;
   };
 
@@ -150,8 +139,6 @@ class GaussSeidel {
     if constexpr (LocalSolver<Local, Law, n>)
       workspace.diagonal.resize(cones);
     workspace.inverse_scale.resize(cones);
-    workspace.opening_rate.assign(cones, 0);
-    workspace.relaxation = 1;
     workspace.last_stress.resize(cones);
     workspace.last_velocity.resize(cones);
     workspace.last_impulse.resize(problem.contacts.size() + problem.body_contacts.size());
@@ -207,10 +194,8 @@ class GaussSeidel {
       }
       if (last)
         break;
-      if (unsolved && params_.extrapolation > 0) {
+      if (unsolved && params_.extrapolation > 0)
         extrapolate(problem, workspace, execution, extrapolation.next(change));
-        workspace.relaxation = extrapolation.relaxation();
-      }
     }
     return report;
   }
@@ -254,10 +239,7 @@ class GaussSeidel {
       double slip2 = 0;
       for (int k = 1; k < n; ++k)
         slip2 += gamma[k] * gamma[k];
-      const double now = problem.opening[i] * std::sqrt(slip2);
-      double& s = workspace.opening_rate[i];
-      s = now - (1 - workspace.relaxation) * (now - s);
-      gamma[0] += s;
+      gamma[0] += problem.opening[i] * std::sqrt(slip2);
     }
     const Vec<n> old = problem.stress_impulse[i];
     Vec<n> lambda = old;
