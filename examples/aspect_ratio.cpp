@@ -42,7 +42,7 @@ support::Job job(double a, bool wide, const support::StudyOptions& options) {
                                         "--cell",
                                         text(cell),
                                         text(0.01 / (options.reference() ? 4 : 2)),
-                                        text(cell)};
+                                        text(options.resolution == "medium" ? cell / 2 : cell)};
   if (wide)
     arguments.insert(arguments.end(), {"--dim", "2", "--wall-friction", "0"});
   else

@@ -11,10 +11,9 @@ using support::text;
 
 support::Job job(const std::string& name, std::vector<std::string> arguments, double width,
                  const support::StudyOptions& options) {
-  // At least three cells across; along and up as the resolution has it.
-  const double along = options.reference() ? 0.01 : 0.02;
-  arguments.insert(arguments.end(), {"--width", text(width), "--cell", text(along),
-                                     text(std::min(along, width / 3)), text(along / 2)});
+  arguments.insert(arguments.end(), {"--width", text(width)});
+  const auto cell = options.cell(width);
+  arguments.insert(arguments.end(), cell.begin(), cell.end());
   return {name, arguments};
 }
 

@@ -7,6 +7,7 @@
 #include "support/command_line.hpp"
 #include "support/policies.hpp"
 #include "support/published.hpp"
+#include "support/resolution.hpp"
 #include "support/run.hpp"
 
 #include "talus/boundary/gate.hpp"
@@ -205,11 +206,10 @@ int run(const Options& options, const Case& collapse) {
     compare.push_back(load_measured(file));
   using Sim =
       support::OnRanks<talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
-  const bool reference = options.resolution == "reference";
+  const support::Resolution& resolution = support::resolution_of(options.resolution);
   talus::CollapseSetup setup = collapse.setup;
   setup.validate();
-  talus::Vec<3> cell =
-      reference ? talus::Vec<3>(0.01, 0.01, 0.005) : talus::Vec<3>(0.02, 0.02, 0.01);
+  talus::Vec<3> cell(resolution.along, resolution.across, resolution.up);
   if (!options.cell.empty())
     cell = talus::Vec<3>(options.cell[0], options.cell[1], options.cell[2]);
   if (options.preset == "repository")
@@ -219,7 +219,7 @@ int run(const Options& options, const Case& collapse) {
   params.grid = setup.grid<Dim>(cell);
   params.material.density = collapse.material.density;
   params.gravity = setup.gravity_vector<Dim>();
-  params.time_step = options.time_step.value_or(reference ? 8.3e-4 : 1.66e-3);
+  params.time_step = options.time_step.value_or(resolution.time_step);
   params.cfl = options.cfl;
   params.faces = setup.faces<Dim>();
   const auto gate = setup.make_gate<Dim>();
@@ -239,7 +239,7 @@ int run(const Options& options, const Case& collapse) {
   support::watch_budget<Sim>(options.run, params);
 
   talus::Seeding seeding;
-  seeding.per_axis = options.per_axis.value_or(reference ? 6 : 3);
+  seeding.per_axis = options.per_axis.value_or(resolution.per_axis);
   seeding.jitter = options.jitter;
   seeding.seed = options.seed;
   seeding.pattern = options.seeding == "random" ? talus::Seeding::Pattern::random
@@ -507,8 +507,10 @@ int main(int argc, char** argv) {
   app.add_option("--preset", options.preset, "Set-up: the paper's text or its authors' scripts")
       ->check(CLI::IsMember({"paper", "repository"}))
       ->capture_default_str();
-  app.add_option("--resolution", options.resolution, "Grid, time step and particles per cell")
-      ->check(CLI::IsMember({"coarse", "reference"}))
+  app.add_option("--resolution", options.resolution,
+                 "Grid, time step and particles per cell; medium: as coarse, cells half as high; "
+                 "reference: the paper's")
+      ->check(CLI::IsMember(support::resolution_names()))
       ->capture_default_str();
   app.add_option("--dim", options.dimension, "Dimension")
       ->check(CLI::Range(2, 3))

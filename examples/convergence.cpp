@@ -89,8 +89,7 @@ std::vector<Run> all_runs(const support::StudyOptions& study, const Options& opt
   const auto part = [](const char* of, int divisor) {
     return divisor == 1 ? of : of + ("/" + std::to_string(divisor));
   };
-  const double along = study.reference() ? 0.01 : 0.02, up = along / 2; // those of `collapse`
-  const double time_step = study.reference() ? 8.3e-4 : 1.66e-3;
+  const support::Resolution& first = support::resolution_of(study.resolution);
   std::vector<Run> all;
   for (int level = 0; level < options.levels; ++level)
     for (int half = 0; half < 2; ++half) {
@@ -105,11 +104,11 @@ std::vector<Run> all_runs(const support::StudyOptions& study, const Options& opt
                            "--dim",
                            std::to_string(options.dimension),
                            "--cell",
-                           text(along / cells),
-                           text(along / cells),
-                           text(up / cells),
+                           text(first.along / cells),
+                           text(first.across / cells),
+                           text(first.up / cells),
                            "--time-step",
-                           text(time_step / steps),
+                           text(first.time_step / steps),
                            "--particles-per-edge",
                            std::to_string(options.per_axis())};
       all.push_back(run);

@@ -36,14 +36,14 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
                                          ? std::vector<double>{0.004, 0.01, 0.02, 0.04, 0.08, 0.2}
                                          : std::vector<double>{0.01, 0.02, 0.04, 0.1};
   const support::Values frictions = {0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2};
-  const double along = options.reference() ? 0.01 : 0.02;
   const support::Values slopes = {0, 15}; // degrees
   std::vector<support::Job> jobs;
   for (const double slope : slopes) {
     for (const double width : widths) {
       auto arguments = set_up(slope);
-      arguments.insert(arguments.end(), {"--width", text(width), "--cell", text(along),
-                                         text(std::min(along, width / 3)), text(along / 2)});
+      arguments.insert(arguments.end(), {"--width", text(width)});
+      const auto cell = options.cell(width);
+      arguments.insert(arguments.end(), cell.begin(), cell.end());
       jobs.push_back({"3d_" + text(slope) + "deg_" + text(100 * width) + "cm", arguments});
     }
     for (const double mu : frictions)

@@ -173,7 +173,7 @@ inline std::string command_to_resume() {
 
 namespace detail {
 /// The values of all options but those that say where to, how fast and how loudly. Numbers are
-/// compared as numbers: 0.50 is 0.5.
+/// compared as numbers: .5 and 0.50 are 0.5.
 inline nlohmann::json options_of(const CLI::App& app) {
   static const std::vector<std::string> others = {
       "help",       "out",      "threads",    "quiet",
@@ -184,8 +184,10 @@ inline nlohmann::json options_of(const CLI::App& app) {
       return nullptr;
     if (text == "true" || text == "false") // CLI11 writes a default as 1 or 0
       return text == "true" ? 1.0 : 0.0;
-    const nlohmann::json number = nlohmann::json::parse(text, nullptr, false);
-    return number.is_number() ? nlohmann::json(number.get<double>()) : nlohmann::json(text);
+    char* end = nullptr;
+    const double number = std::strtod(text.c_str(), &end); // .5 as well, which is no JSON
+    const bool all_of_it = end == text.c_str() + text.size() && std::isfinite(number);
+    return all_of_it ? nlohmann::json(number) : nlohmann::json(text);
   };
   nlohmann::json all = nlohmann::json::object();
   for (const CLI::Option* option : app.get_options()) {

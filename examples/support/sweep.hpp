@@ -4,6 +4,7 @@
 #include "command_line.hpp"
 #include "picture.hpp"
 #include "published.hpp"
+#include "resolution.hpp"
 #include "results.hpp"
 #include "resume.hpp"
 
@@ -47,6 +48,13 @@
 
 namespace support {
 
+/// A number as an argument.
+inline std::string text(double value) {
+  char digits[32];
+  std::snprintf(digits, sizeof digits, "%.9g", value);
+  return digits;
+}
+
 struct StudyOptions {
   std::string resolution = "coarse"; ///< of `collapse`; empty for other programs
   std::string write_jobs{};
@@ -57,12 +65,18 @@ struct StudyOptions {
   const CLI::Option* threads = nullptr; ///< --threads, as it was given
 
   bool reference() const { return resolution == "reference"; }
+
+  /// The edges of a cell, at least three of them across a channel so wide (m), as arguments.
+  std::vector<std::string> cell(double width) const {
+    const Resolution& size = resolution_of(resolution);
+    return {"--cell", text(size.along), text(std::min(size.across, width / 3)), text(size.up)};
+  }
 };
 
 inline void add_study_options(CLI::App& app, StudyOptions& options, const std::string& name) {
   if (!options.resolution.empty()) {
     app.add_option("--resolution", options.resolution, "Of all runs")
-        ->check(CLI::IsMember({"coarse", "reference"}))
+        ->check(CLI::IsMember(resolution_names()))
         ->capture_default_str();
     app.add_option(
         "--end-time", options.end_time,
@@ -90,13 +104,6 @@ struct Job {
   std::vector<std::string> arguments; ///< --out and --resolution come with the study
   std::string program = "collapse";
 };
-
-/// A number as an argument.
-inline std::string text(double value) {
-  char digits[32];
-  std::snprintf(digits, sizeof digits, "%.9g", value);
-  return digits;
-}
 
 /// A measured value in a table: empty if there is none.
 inline std::string text(const nlohmann::json& value) {
