@@ -18,8 +18,8 @@ struct Resolution {
   int per_axis;             ///< particles along an edge of a cell
 };
 
-/// coarse: a quick look. medium: cells half as high, from where on B15's deposit stands still
-/// (docs/how-to/resolution.md). reference: the paper's.
+/// coarse: a quick look. medium: cells half as high, near the reference's deposits for a tenth of
+/// its work (docs/how-to/resolution.md). reference: the paper's.
 inline constexpr std::array<Resolution, 3> resolutions = {{
     {"coarse", 0.02, 0.02, 0.01, 1.66e-3, 3},
     {"medium", 0.02, 0.02, 0.005, 1.66e-3, 3},
