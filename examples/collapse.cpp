@@ -25,6 +25,7 @@
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
+#include "talus/solver/sweeps_then_interior_point.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -35,6 +36,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -234,6 +236,9 @@ int run(const Options& options, const Case& collapse) {
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
   params.solver.extrapolation = options.extrapolation;
+  if constexpr (std::is_same_v<Solver, talus::SweepsThenInteriorPoint>)
+    if (options.solver == "gauss-seidel") // sweeps alone
+      params.solver.max_cones = 0;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
   support::watch_budget<Sim>(options.run, params);
@@ -489,8 +494,8 @@ int run_collapse(Options options) {
       talus::throw_invalid("--record-problem", number, "the number of a step, >= 1");
   const Case collapse = load_case(options);
   using talus::CoulombLaw, talus::GaussSeidel, talus::SecularSolver, talus::FischerBurmeisterNewton;
-  if (options.solver == "gauss-seidel")
-    return run_in_dimension<GaussSeidel<>>(options, collapse);
+  if (options.solver == "gauss-seidel" || options.solver == "sweeps-then-interior-point")
+    return run_in_dimension<talus::SweepsThenInteriorPoint>(options, collapse);
   if (options.solver == "gauss-seidel-secular")
     return run_in_dimension<GaussSeidel<SecularSolver>>(options, collapse);
   options.extrapolation = 0;
@@ -522,8 +527,11 @@ int main(int argc, char** argv) {
          "gauss-seidel: accelerated, one projected step a cone and sweep; gauss-seidel-secular: "
          "the "
          "same with exact local solutions; gauss-seidel-newton: the paper's, on the non-associated "
-         "law, which may not converge")
-      ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-secular", "gauss-seidel-newton"}))
+         "law, which may not converge; sweeps-then-interior-point: gauss-seidel, and interior "
+         "points "
+         "in steps that it does not solve, with up to 5000 cones on one rank")
+      ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-secular", "gauss-seidel-newton",
+                             "sweeps-then-interior-point"}))
       ->capture_default_str();
   app.add_option("--tolerance", options.tolerance,
                  "Solver: relative residual at which a step is solved")

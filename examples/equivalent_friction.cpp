@@ -27,7 +27,8 @@ support::Job job_2d(double inclination, double mu) {
   auto arguments = set_up(inclination);
   char digits[32]; // the folder's name says all of it
   std::snprintf(digits, sizeof digits, "%.6f", mu);
-  arguments.insert(arguments.end(), {"--dim", "2", "--friction", digits});
+  arguments.insert(arguments.end(),
+                   {"--dim", "2", "--friction", digits, "--solver", "sweeps-then-interior-point"});
   return {"2d_" + text(inclination) + "deg_mu" + digits, arguments};
 }
 

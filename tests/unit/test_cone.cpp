@@ -112,6 +112,9 @@ TEST_CASE("law residuals: Coulomb's regimes, and mu = 0") {
   CHECK(coulomb(V(0.1, 0.6, 0.8), V(1, -0.3, -0.4), 0.5) > 0.01); // dilates while pressed
   CHECK(coulomb(V(0, 0, 0), V(1, 0.6, 0.3), 0.5) > 0.01);         // outside the cone
   CHECK(coulomb(V(0, 0.6, 0.8), V(1, 0, 0), 0) < 1e-15);          // frictionless
+  CHECK(coulomb(V(-1, 0, 0), V(1e-20, 0, 0), 0) == doctest::Approx(2));
+  CHECK(coulomb(V(1e-20, 0, 0), V(-1, 0, 0), 0) == doctest::Approx(2));
+  CHECK(coulomb(V(1, 0, 0), V(1e-20, 0, 0), 0) / 1e-20 == doctest::Approx(1));
   CHECK(coulomb(V(0.1, 0.6, 0.8), V(1, 0, 0), 0) > 0.01);
   CHECK(coulomb(V(0, 0.6, 0.8), V(1, 0.1, 0), 0) > 0.01);
   CHECK(coulomb(V(0, 0.6, 0.8), V(-1, 0, 0), 0) > 0.01);

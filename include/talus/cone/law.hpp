@@ -93,10 +93,10 @@ Vec<N, Scalar> law_residual(AssociatedLaw, const Vec<N, Scalar>& gamma,
   if (!(friction > 0)) {
     Vec<N, Scalar> f = lambda;
     const Scalar larger = std::max(gamma[0], lambda[0]), smaller = std::min(gamma[0], lambda[0]);
-    // a + b − sqrt(a² + b²) = 2ab / (a + b + sqrt(...)) where nothing else would be left of it
-    const Scalar size = std::hypot(gamma[0], lambda[0]);
-    f[0] =
-        larger > 0 ? 2 * smaller * (larger / (larger + smaller + size)) : larger + smaller - size;
+    const Scalar sum = larger + smaller, size = std::hypot(gamma[0], lambda[0]);
+    // a + b − sqrt(a² + b²) = 2ab / (a + b + sqrt(...)), whichever has no difference of like
+    // numbers
+    f[0] = sum > 0 ? 2 * smaller * (larger / (sum + size)) : sum - size;
     return f;
   }
   Vec<N, Scalar> x = gamma, y = lambda;

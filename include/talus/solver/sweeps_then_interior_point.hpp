@@ -17,10 +17,12 @@ namespace talus {
 class SweepsThenInteriorPoint {
  public:
   struct Params {
-    double tolerance = 5e-5;      ///< for the l2 residual of dual/residual.hpp
-    int max_sweeps = 2000;        ///< then interior points take over
-    int max_iterations = 400;     ///< of InteriorPoint
-    std::size_t max_cones = 5000; ///< of problems that interior points may have: factors fill
+    double tolerance = 5e-5;    ///< for the l2 residual of dual/residual.hpp
+    int max_sweeps = 2000;      ///< then interior points take over
+    double extrapolation = 0.9; ///< of the sweeps
+    int max_iterations = 400;   ///< of InteriorPoint
+    std::size_t max_cones =
+        5000; ///< of problems that interior points may have: factors fill; 0: never
   };
   template <int Dim>
   struct Workspace {
@@ -32,7 +34,9 @@ class SweepsThenInteriorPoint {
 
   /// Throws std::invalid_argument if a parameter is out of range.
   explicit SweepsThenInteriorPoint(const Params& params)
-      : params_(params), sweeps_({.tolerance = params.tolerance, .max_sweeps = params.max_sweeps}),
+      : params_(params), sweeps_({.tolerance = params.tolerance,
+                                  .max_sweeps = params.max_sweeps,
+                                  .extrapolation = params.extrapolation}),
         interior_point_({.tolerance = params.tolerance, .max_iterations = params.max_iterations}) {}
 
   const Params& params() const { return params_; }
