@@ -17,11 +17,8 @@ builds='
 3d_row_major -DIN_3D -DEIGEN_DEFAULT_TO_ROW_MAJOR -DEIGEN_INITIALIZE_MATRICES_BY_NAN
 plain -DNDEBUG
 row_major -DEIGEN_DEFAULT_TO_ROW_MAJOR
-unaligned -DEIGEN_DONT_ALIGN
-scalar -DEIGEN_DONT_VECTORIZE
-max_align -DEIGEN_MAX_ALIGN_BYTES=0
-no_debug -DEIGEN_NO_DEBUG
-int_index -DEIGEN_DEFAULT_DENSE_INDEX_TYPE=int
+unaligned_int_index -DEIGEN_DONT_ALIGN -DEIGEN_DEFAULT_DENSE_INDEX_TYPE=int
+scalar_max_align_no_debug -DEIGEN_DONT_VECTORIZE -DEIGEN_MAX_ALIGN_BYTES=0 -DEIGEN_NO_DEBUG
 '
 # As users of strict warnings include talus: as their own code, with Eigen as the system's.
 warnings='-Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wold-style-cast -Wuseless-cast -Werror'
