@@ -49,7 +49,8 @@ constexpr double threshold_height = 0.002; // m above the bed: what the paper co
 constexpr double rest_hold = 0.1;          // s without motion that end a run
 
 struct Options {
-  std::string case_name = "B15", preset = "paper", resolution = "coarse", solver = "gauss-seidel";
+  std::string case_name = "B15", preset = "paper", resolution = "coarse",
+              solver = "sweeps-then-interior-point";
   std::string seeding = "jittered";
   int dimension = 3;
   support::PolicyOptions policies;
@@ -524,12 +525,10 @@ int main(int argc, char** argv) {
   support::add_policy_options(app, options.policies);
   app.add_option(
          "--solver", options.solver,
-         "gauss-seidel: accelerated, one projected step a cone and sweep; gauss-seidel-secular: "
-         "the "
-         "same with exact local solutions; gauss-seidel-newton: the paper's, on the non-associated "
-         "law, which may not converge; sweeps-then-interior-point: gauss-seidel, and interior "
-         "points "
-         "in steps that it does not solve, with up to 5000 cones on one rank")
+         "sweeps-then-interior-point: accelerated sweeps, one projected step a cone, and interior "
+         "points in steps that they do not solve, with up to 5000 cones on one rank; gauss-seidel: "
+         "sweeps alone; gauss-seidel-secular: sweeps with exact local solutions; "
+         "gauss-seidel-newton: the paper's, on the non-associated law, which may not converge")
       ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-secular", "gauss-seidel-newton",
                              "sweeps-then-interior-point"}))
       ->capture_default_str();

@@ -27,8 +27,7 @@ support::Job job_2d(double inclination, double mu) {
   auto arguments = set_up(inclination);
   char digits[32]; // the folder's name says all of it
   std::snprintf(digits, sizeof digits, "%.6f", mu);
-  arguments.insert(arguments.end(),
-                   {"--dim", "2", "--friction", digits, "--solver", "sweeps-then-interior-point"});
+  arguments.insert(arguments.end(), {"--dim", "2", "--friction", digits});
   return {"2d_" + text(inclination) + "deg_mu" + digits, arguments};
 }
 
