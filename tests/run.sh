@@ -1,7 +1,10 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 # Builds and runs all tests, from any folder. Installs what is missing (see examples/setup.sh).
+#
+#     sh tests/run.sh [OPTIONS OF CTEST...]     -R NAME: those that are called so; -LE ranks: without MPI
 set -eu
+case ${1:-} in -h | --help) sed -n '3,5s/^# \{0,1\}//p' "$0"; exit 0 ;; esac
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
 build=$root/build/tests
@@ -19,7 +22,7 @@ cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEAS
 cmake --build "$build" --parallel "$jobs"
 
 status=0
-(cd "$build" && ctest --output-on-failure --no-tests=error --parallel "$jobs") || status=$?
+(cd "$build" && ctest --output-on-failure --no-tests=error --parallel "$jobs" "$@") || status=$?
 
 # How much was checked, program by program.
 awk '/^[0-9]+\/[0-9]+ Testing: / { kind = $3; sub(/:.*/, "", kind) }
