@@ -4,6 +4,7 @@
 // Rousseau et al., J. Fluid Mech. 2023. Prints the measured deposit beside the published one and
 // leaves summary.json, tables, ParaView files and a picture.
 
+#include "support/any_solver.hpp"
 #include "support/command_line.hpp"
 #include "support/policies.hpp"
 #include "support/published.hpp"
@@ -11,9 +12,6 @@
 #include "support/run.hpp"
 
 #include "talus/boundary/gate.hpp"
-#include "talus/cone/comparison/fischer_burmeister_newton.hpp"
-#include "talus/cone/law.hpp"
-#include "talus/cone/secular.hpp"
 #include "talus/diagnostics/deposit.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/quantiles.hpp"
@@ -25,7 +23,6 @@
 #include "talus/scene/fill.hpp"
 #include "talus/simulation.hpp"
 #include "talus/solver/gauss_seidel.hpp"
-#include "talus/solver/sweeps_then_interior_point.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -36,7 +33,6 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -202,13 +198,13 @@ void print_beside(const char* what, const json& measured, const json& published,
   std::printf("%-18s %8s %21s %17s\n", what, text, value("sim").c_str(), value("exp").c_str());
 }
 
-template <int Dim, class Solver>
+template <int Dim>
 int run(const Options& options, const Case& collapse) {
   json compare; // before anything is simulated
   for (const std::string& file : options.compare)
     compare.push_back(load_measured(file));
-  using Sim =
-      support::OnRanks<talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, Solver>>;
+  using Sim = support::OnRanks<
+      talus::Simulation<Dim, support::AnyRheology, support::AnyTransfer, support::AnySolver>>;
   const support::Resolution& resolution = support::resolution_of(options.resolution);
   talus::CollapseSetup setup = collapse.setup;
   setup.validate();
@@ -237,9 +233,7 @@ int run(const Options& options, const Case& collapse) {
   params.solver.tolerance = options.tolerance;
   params.solver.max_sweeps = options.max_sweeps;
   params.solver.extrapolation = options.extrapolation;
-  if constexpr (std::is_same_v<Solver, talus::SweepsThenInteriorPoint>)
-    if (options.solver == "gauss-seidel") // sweeps alone
-      params.solver.max_cones = 0;
+  params.solver.name = options.solver;
   params.packing = options.packing;
   params.threads = options.run.common.threads;
   support::watch_budget<Sim>(options.run, params);
@@ -471,12 +465,6 @@ int run(const Options& options, const Case& collapse) {
   return run.finish("plot_collapse.py");
 }
 
-template <class Solver>
-int run_in_dimension(const Options& options, const Case& collapse) {
-  return options.dimension == 2 ? run<2, Solver>(options, collapse)
-                                : run<3, Solver>(options, collapse);
-}
-
 int run_collapse(Options options) {
   if (options.until_rest && options.end_time)
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
@@ -494,13 +482,7 @@ int run_collapse(Options options) {
     if (number < 1)
       talus::throw_invalid("--record-problem", number, "the number of a step, >= 1");
   const Case collapse = load_case(options);
-  using talus::CoulombLaw, talus::GaussSeidel, talus::SecularSolver, talus::FischerBurmeisterNewton;
-  if (options.solver == "gauss-seidel" || options.solver == "sweeps-then-interior-point")
-    return run_in_dimension<talus::SweepsThenInteriorPoint>(options, collapse);
-  if (options.solver == "gauss-seidel-secular")
-    return run_in_dimension<GaussSeidel<SecularSolver>>(options, collapse);
-  options.extrapolation = 0;
-  return run_in_dimension<GaussSeidel<FischerBurmeisterNewton, CoulombLaw>>(options, collapse);
+  return options.dimension == 2 ? run<2>(options, collapse) : run<3>(options, collapse);
 }
 
 } // namespace
