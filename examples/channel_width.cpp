@@ -11,9 +11,8 @@ using support::text;
 
 support::Job job(const std::string& name, std::vector<std::string> arguments, double width,
                  const support::StudyOptions& options) {
-  arguments.insert(arguments.end(), {"--width", text(width)});
-  const auto cell = options.cell(width);
-  arguments.insert(arguments.end(), cell.begin(), cell.end());
+  const auto channel = options.channel(width);
+  arguments.insert(arguments.end(), channel.begin(), channel.end());
   return {name, arguments};
 }
 

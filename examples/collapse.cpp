@@ -465,7 +465,7 @@ int run(const Options& options, const Case& collapse) {
   return run.finish("plot_collapse.py");
 }
 
-int run_collapse(Options options) {
+int run_collapse(const Options& options) {
   if (options.until_rest && options.end_time)
     throw std::invalid_argument("--until-rest and --end-time exclude each other");
   if (options.dimension == 2 && options.width)

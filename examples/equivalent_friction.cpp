@@ -22,16 +22,17 @@ std::vector<std::string> set_up(double inclination) {
   return arguments;
 }
 
-support::Job job_2d(double inclination, double mu) {
+support::Job job_2d(double inclination, double mu, const std::string& solver) {
   // The upstream wall keeps its friction.
   auto arguments = set_up(inclination);
   char digits[32]; // the folder's name says all of it
   std::snprintf(digits, sizeof digits, "%.6f", mu);
-  arguments.insert(arguments.end(), {"--dim", "2", "--friction", digits});
+  arguments.insert(arguments.end(), {"--dim", "2", "--friction", digits, "--solver", solver});
   return {"2d_" + text(inclination) + "deg_mu" + digits, arguments};
 }
 
-support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options) {
+support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options,
+                            const std::string& solver) {
   const std::vector<double> widths = options.reference()
                                          ? std::vector<double>{0.004, 0.01, 0.02, 0.04, 0.08, 0.2}
                                          : std::vector<double>{0.01, 0.02, 0.04, 0.1};
@@ -41,13 +42,12 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
   for (const double slope : slopes) {
     for (const double width : widths) {
       auto arguments = set_up(slope);
-      arguments.insert(arguments.end(), {"--width", text(width)});
-      const auto cell = options.cell(width);
-      arguments.insert(arguments.end(), cell.begin(), cell.end());
+      const auto channel = options.channel(width);
+      arguments.insert(arguments.end(), channel.begin(), channel.end());
       jobs.push_back({"3d_" + text(slope) + "deg_" + text(100 * width) + "cm", arguments});
     }
     for (const double mu : frictions)
-      jobs.push_back(job_2d(slope, mu));
+      jobs.push_back(job_2d(slope, mu, solver));
   }
   const auto height_final = [](const nlohmann::json& summary) {
     return summary.at("measured").at("height_final_m").get<double>();
@@ -71,7 +71,7 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
     for (std::size_t i = 0; i < widths.size(); ++i) {
       const double wanted = channel_heights[i];
       const auto excess = [&](double mu) { // each friction has its folder: none is run twice
-        const support::Job job = job_2d(slope, mu);
+        const support::Job job = job_2d(slope, mu, solver);
         return height_final(sweep.run({job}, job.name)[0]) - wanted;
       };
       // The first crossing: with much friction the column slides off the wall as a block, and its
@@ -118,10 +118,14 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
 
 int main(int argc, char** argv) {
   support::StudyOptions options;
+  std::string solver = "sweeps-then-interior-point";
   CLI::App app("Equivalent 2-D friction of side walls (Rousseau et al. 2023).");
+  app.add_option("--solver", solver, "Of the 2-D runs; gauss-seidel: less time, more misses")
+      ->check(CLI::IsMember({"sweeps-then-interior-point", "gauss-seidel"}))
+      ->capture_default_str();
   support::add_study_options(app, options, "equivalent_friction");
   return support::run_program(app, argc, argv, [&] {
     return support::run_study(options, "equivalent_friction",
-                              [&](support::Sweep& sweep) { return study(sweep, options); });
+                              [&](support::Sweep& sweep) { return study(sweep, options, solver); });
   });
 }

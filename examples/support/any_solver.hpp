@@ -13,8 +13,7 @@
 
 namespace support {
 
-/// Any of the library's solvers: one simulation for all of them, which takes a third of the time to
-/// compile.
+/// Any of the library's solvers, by name, so that one simulation is compiled for all of them.
 class AnySolver {
   using Default = talus::SweepsThenInteriorPoint;
   using Secular = talus::GaussSeidel<talus::SecularSolver>;

@@ -66,10 +66,15 @@ struct StudyOptions {
 
   bool reference() const { return resolution == "reference"; }
 
-  /// The edges of a cell, at least three of them across a channel so wide (m), as arguments.
-  std::vector<std::string> cell(double width) const {
+  /// Arguments for a channel so wide (m), with at least three cells across.
+  std::vector<std::string> channel(double width) const {
     const Resolution& size = resolution_of(resolution);
-    return {"--cell", text(size.along), text(std::min(size.across, width / 3)), text(size.up)};
+    return {"--width",
+            text(width),
+            "--cell",
+            text(size.along),
+            text(std::min(size.across, width / 3)),
+            text(size.up)};
   }
 };
 
