@@ -16,7 +16,7 @@ if command -v ninja > /dev/null; then
   export CMAKE_GENERATOR="${CMAKE_GENERATOR:-Ninja}" # only counts for a new build folder
 fi
 # Optimised, but without NDEBUG: Eigen checks sizes and indices.
-cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE=-O2 \
+cmake -S "$root" -B "$build" -DCMAKE_BUILD_TYPE=Release -DCMAKE_CXX_FLAGS_RELEASE=-O2 -DCMAKE_UNITY_BUILD=ON \
   -DTALUS_BUILD_TESTS=ON -DTALUS_BUILD_EXAMPLES=OFF \
   -DTALUS_WARNINGS_AS_ERRORS=ON
 cmake --build "$build" --parallel "$jobs"

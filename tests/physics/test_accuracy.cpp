@@ -8,6 +8,8 @@
 
 #include <cmath>
 
+namespace test_accuracy {
+
 using namespace talus;
 
 namespace {
@@ -71,3 +73,5 @@ TEST_CASE("a slab that hits a column shares its momentum with it") {
   CHECK(coarse.spread < 0.15);
   CHECK(fine.spread < 0.9 * coarse.spread);
 }
+
+} // namespace test_accuracy

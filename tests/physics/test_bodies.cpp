@@ -20,6 +20,8 @@
 #include <string>
 #include <vector>
 
+namespace test_bodies {
+
 using namespace talus;
 
 namespace {
@@ -343,3 +345,5 @@ TEST_CASE("a rotating closed drum keeps its sand") {
   drum_is_tight<2>();
   drum_is_tight<3>();
 }
+
+} // namespace test_bodies

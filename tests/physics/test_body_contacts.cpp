@@ -30,6 +30,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_body_contacts {
+
 using namespace talus;
 using support::about;
 using support::message_of;
@@ -474,3 +476,5 @@ TEST_CASE("bodies that touch: the same bits for any number of threads, and from 
   }
   CHECK(bits(one) == bits(again));
 }
+
+} // namespace test_body_contacts

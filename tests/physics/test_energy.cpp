@@ -19,6 +19,8 @@
 #include <stdexcept>
 #include <string>
 
+namespace test_energy {
+
 using namespace talus;
 
 namespace {
@@ -362,3 +364,5 @@ TEST_CASE("energy: an observer that throws") {
   CHECK(twin.step().completed());
   CHECK(state_checksum(sim.particles()) == state_checksum(twin.particles()));
 }
+
+} // namespace test_energy

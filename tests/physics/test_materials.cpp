@@ -16,6 +16,8 @@
 #include <numbers>
 #include <vector>
 
+namespace test_materials {
+
 using namespace talus;
 using support::about;
 
@@ -153,3 +155,5 @@ TEST_CASE("a slope holds where friction is above tan(theta), and slides where it
   CHECK(held < 1e-3);
   CHECK(slid / count == about(free, 0.03));
 }
+
+} // namespace test_materials

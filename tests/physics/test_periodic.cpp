@@ -21,6 +21,8 @@
 #include <stdexcept>
 #include <vector>
 
+namespace test_periodic {
+
 using namespace talus;
 
 namespace {
@@ -269,21 +271,32 @@ TEST_CASE("periodic: one, two and three cells across give the same flow, 3-D") {
 
 TEST_CASE("periodic: mu(I) gives Bagnold's profile, and flows as H^(3/2) at each angle") {
   using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
-  // see "mu(I) on a rough slope": u(z) = (2/3) (I/d) sqrt(g cos(theta)) (...), for strain_factor 2
+  // tan(theta) = mu(I) gives one I at all depths; I = d f ||D||/sqrt(p/rho_I), ||D|| = u'/2 and
+  // p = rho g cos(theta) (H − z) give
+  //   u(z) = (4/(3 f)) (I/d) sqrt(rho/rho_I g cos(theta)) (H^{3/2} − (H − z)^{3/2}).
   const double height = 0.1, diameter = height / 2;
   const int cells = 16;
-  for (const double angle : {22.0, 24.0, 26.0}) {
-    CAPTURE(angle);
-    auto params = slope<Sim>(1, cells, height, angle * degree);
-    params.rheology = {
-        .law = glass,
-        .inertial = {.grain_diameter = diameter, .density = density, .strain_factor = 2}};
+  struct Flow {
+    double angle, factor, inertial_density;
+  };
+  // of the shear rate and the medium's density; of half of it and that of grains packed to 0.6
+  for (const Flow flow : {Flow{22, 2, density}, Flow{24, 2, density}, Flow{26, 2, density},
+                          Flow{24, 1, density / 0.6}}) {
+    CAPTURE(flow.angle);
+    CAPTURE(flow.factor);
+    auto params = slope<Sim>(1, cells, height, flow.angle * degree);
+    params.rheology = {.law = glass,
+                       .inertial = {.grain_diameter = diameter,
+                                    .density = flow.inertial_density,
+                                    .strain_factor = flow.factor}};
     Sim sim(params, layer<Sim>(params, height));
     while (sim.time() < 40 * std::sqrt(height / g))
       REQUIRE(sim.step().completed());
-    const double tangent = std::tan(angle * degree),
+    const double tangent = std::tan(flow.angle * degree),
                  I = 0.279 * (tangent - 0.38) / (0.64 - tangent);
-    const double scale = 2.0 / 3 * I / diameter * std::sqrt(g * std::cos(angle * degree));
+    const double scale =
+        4 / (3 * flow.factor) * I / diameter *
+        std::sqrt(density / flow.inertial_density * g * std::cos(flow.angle * degree));
     double worst = 0, flux = 0;
     for (int k = 0; k <= cells; ++k) {
       const double z = height * k / cells;
@@ -379,3 +392,5 @@ TEST_CASE("periodic: what cannot be is refused") {
   params.faces.upper[0] = {FaceKind::periodic};
   CHECK_NOTHROW(scenes::Sim<2>(params, Particles<2>()));
 }
+
+} // namespace test_periodic

@@ -14,6 +14,8 @@
 #include <cmath>
 #include <vector>
 
+namespace test_pour {
+
 using namespace talus;
 
 TEST_CASE("a wedge that is poured slowly has the slope of the angle of friction") {
@@ -88,3 +90,5 @@ TEST_CASE("a hopper that is refilled keeps its level, and empties at a steady ra
     CHECK(levels[k] == support::about(height, 0.05));
   }
 }
+
+} // namespace test_pour

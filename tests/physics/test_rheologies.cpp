@@ -17,6 +17,8 @@
 #include <string>
 #include <vector>
 
+namespace test_rheologies {
+
 using namespace talus;
 
 namespace {
@@ -247,37 +249,6 @@ TEST_CASE("a shear wave decays by viscosity and keeps its momentum") {
   shear_wave<3>();
 }
 
-TEST_CASE("mu(I) on a rough slope: Bagnold's profile") {
-  // tan(theta) = mu(I) gives one I at all depths; I = d f ||D||/sqrt(p/rho_I), ||D|| = u'/2 and
-  // p = rho g cos(theta) (H − z) give
-  //   u(z) = (4/(3 f)) (I/d) sqrt(rho/rho_I g cos(theta)) (H^{3/2} − (H − z)^{3/2}).
-  const double height = 0.1, diameter = 2 * height; // large: soon steady
-  const int cells = 8;
-  struct Convention {
-    double factor, density;
-  };
-  // of the shear rate and the medium's density, and of half of it and that of grains packed to 0.6
-  for (const Convention convention : {Convention{2, density}, Convention{1, density / 0.6}}) {
-    const double factor = convention.factor, inertial_density = convention.density;
-    auto params = layer(cells, 40, height, 26);
-    params.rheology.law = glass;
-    params.rheology.inertial = {
-        .grain_diameter = diameter, .density = inertial_density, .strain_factor = factor};
-    const double slope = std::tan(26 * std::numbers::pi / 180);
-    const double I = 0.279 * (slope - 0.38) / (0.64 - slope);
-    Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
-    while (sim.time() < 5 * std::sqrt(height / g))
-      CHECK(sim.step().completed());
-    const double deviates = deviation(sim, cells, [&](double z) {
-      return 4 / (3 * factor) * I / diameter *
-             std::sqrt(-density / inertial_density * params.gravity[1]) *
-             (std::pow(height, 1.5) - std::pow(height - std::min(z, height), 1.5));
-    });
-    MESSAGE("Bagnold's profile: largest deviation over the surface velocity ", deviates);
-    CHECK(deviates < 0.03);
-  }
-}
-
 TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {
   for (const int updates : {1, 50}) {
     auto params = layer(8, 6, 0.1, 26);
@@ -406,3 +377,5 @@ TEST_CASE("too few viscous iterations are reported") {
   CHECK(report.viscous.iterations == 3);
   CHECK(report.viscous.residual > 1e-10);
 }
+
+} // namespace test_rheologies

@@ -14,6 +14,8 @@
 
 #include <cmath>
 
+namespace test_scenes {
+
 using namespace talus;
 
 namespace {
@@ -115,6 +117,7 @@ TEST_CASE("the slope of a heap is the angle of friction") {
     CAPTURE(friction);
     auto params = scenes::box<2>({0.32, 0, 0.12}, {51, 1, 19}, 0, friction);
     params.time_step = 1e-3;
+    params.solver.max_sweeps = 1000; // with 0.6 some steps take as many as they may
     params.faces.lower[0] = params.faces.upper[0] = {FaceKind::free_slip};
     params.obstacles = {make_obstacle<Gate<2>>(
         {.position = length,
@@ -131,3 +134,5 @@ TEST_CASE("the slope of a heap is the angle of friction") {
     CHECK(std::abs(std::atan(-line.slope) - std::atan(friction)) < 2 * degree);
   }
 }
+
+} // namespace test_scenes

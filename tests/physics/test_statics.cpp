@@ -9,6 +9,8 @@
 
 #include <doctest/doctest.h>
 
+namespace test_statics {
+
 using namespace talus;
 
 namespace {
@@ -113,3 +115,5 @@ TEST_CASE("a bed of jittered particles comes to rest, which it does not by the p
   CHECK(speed(PolyPic(), {}) < 2e-4);
   CHECK(speed(Apic(), {.slack = 0, .dilatancy = 0, .surfaces = false}) > 4e-4);
 }
+
+} // namespace test_statics

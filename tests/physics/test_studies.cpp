@@ -18,6 +18,8 @@
 #include <numbers>
 #include <vector>
 
+namespace test_studies {
+
 using namespace talus;
 
 namespace {
@@ -197,3 +199,5 @@ TEST_CASE("a bed follows its box below the friction angle, and does not above") 
   CHECK(surface_angle(20) == support::about(20, 0.005));
   CHECK(surface_angle(30) < 24.5);
 }
+
+} // namespace test_studies

@@ -26,6 +26,8 @@
 #include <memory>
 #include <vector>
 
+namespace test_terrain {
+
 using namespace talus;
 
 namespace {
@@ -99,3 +101,5 @@ TEST_CASE("a layer on a tilted map slides or stays as on the plane") {
     CHECK(std::abs(force.dot(normal) + mass * 9.81 / steep) < 0.03 * mass * 9.81);
   }
 }
+
+} // namespace test_terrain

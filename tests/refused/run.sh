@@ -12,17 +12,26 @@ set -eu
 
 [ $# -gt 0 ] || { sed -n '3,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 here=$(CDPATH='' cd -- "$(dirname -- "$0")" && pwd)
-message=$(mktemp)
-trap 'rm -f "$message"' EXIT
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+message=$folder/message
 status=0
 complain() { echo "FAILED  $*"; cat "$message"; status=1; }
 
 for compiler; do
-  compile() {
-    # shellcheck disable=SC2046 # several flags
-    "$compiler" -std=c++20 $(sed -n 's,^// flags: ,,p' "$1") -fsyntax-only -I "$here/../../include" \
-      -isystem "${EIGEN3_INCLUDE_DIR:-/usr/include/eigen3}" "$1" > "$message" 2>&1
+  with() { # with OPTIONS...: the compiler
+    "$compiler" -std=c++20 "$@" -I "$here/../../include" -isystem "${EIGEN3_INCLUDE_DIR:-/usr/include/eigen3}"
   }
+  # Without flags of its own a program finds what all include compiled before.
+  compile() {
+    flags=$(sed -n 's,^// flags: ,,p' "$1")
+    # shellcheck disable=SC2086 # several flags
+    with ${flags:--include "$before"} -fsyntax-only "$1" > "$message" 2>&1
+  }
+  before=$folder/$(basename "$compiler").hpp
+  echo '#include <talus/talus.hpp>' > "$before"
+  case $compiler in *clang*) compiled=$before.pch ;; *) compiled=$before.gch ;; esac
+  with -x c++-header "$before" -o "$compiled"
   compile "$here/../docs/first.cpp" || complain "$compiler: what is right does not compile"
   for program in "$here"/*.cpp; do
     name=$(basename "$program" .cpp)

@@ -25,6 +25,8 @@
 #include <string>
 #include <utility>
 
+namespace test_checkpoint {
+
 using namespace talus;
 using support::contains, support::content, support::Folder, support::message_of;
 
@@ -349,3 +351,5 @@ TEST_CASE("a run does not go on with another body") {
                  "its bodies.0.corner_radius"));
   CHECK(contains(message([](auto& body) { body.friction = 0.4; }), "its bodies.0.friction is 0.3"));
 }
+
+} // namespace test_checkpoint

@@ -13,6 +13,8 @@
 #include <cmath>
 #include <vector>
 
+namespace test_cone {
+
 using namespace talus;
 using cone_problems::Numbers;
 
@@ -304,3 +306,5 @@ TEST_CASE("Fischer-Burmeister Newton converges quadratically") {
   CHECK(sequences > 50);
   CHECK(quadratic > 0.9 * sequences);
 }
+
+} // namespace test_cone

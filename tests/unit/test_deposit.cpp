@@ -14,6 +14,8 @@
 #include <stdexcept>
 #include <type_traits>
 
+namespace test_deposit {
+
 using namespace talus;
 
 namespace {
@@ -112,3 +114,5 @@ TEST_CASE_TEMPLATE("centre of mass and energies of a box that falls", Sand, Part
   CHECK(kinetic_energy(Sand{}, density) == 0);
   CHECK(potential_energy(Sand{}, density, gravity) == 0);
 }
+
+} // namespace test_deposit

@@ -20,6 +20,8 @@
 #include <stdexcept>
 #include <string>
 
+namespace test_fill {
+
 using namespace talus;
 using support::about;
 
@@ -255,3 +257,5 @@ TEST_CASE("a region of sample points without volume is refused, not sought for e
                           "all outside of the region"));
   CHECK(particles.empty());
 }
+
+} // namespace test_fill

@@ -12,6 +12,8 @@
 #include <limits>
 #include <stdexcept>
 
+namespace test_fits {
+
 using namespace talus;
 
 TEST_CASE("a line through exact points, and the textbook's errors of scattered ones") {
@@ -132,3 +134,5 @@ TEST_CASE("roots: few calls, a bracket, and an answer where there is none") {
   CHECK(find_root([](double x) { return x - 1; }, 1, 2, 1e-3, 0).x == 1);
   CHECK_THROWS_AS(find_root([](double x) { return x; }, 1, 1, 1e-3, 0), std::invalid_argument);
 }
+
+} // namespace test_fits

@@ -21,6 +21,8 @@
 #include <cstddef>
 #include <stdexcept>
 
+namespace test_flow_fields {
+
 using namespace talus;
 using support::contains, support::message_of;
 
@@ -147,3 +149,5 @@ TEST_CASE("sections that are not there are refused, and fields without a step") 
   CHECK_THROWS_AS(StrainRate<2>{fresh}, std::invalid_argument);
   CHECK_THROWS_AS(section_flux(fresh, 0, 0.5), std::invalid_argument);
 }
+
+} // namespace test_flow_fields

@@ -19,6 +19,8 @@
 
 #include <cmath>
 
+namespace test_gauss_seidel {
+
 using namespace talus;
 using support::small_pile;
 
@@ -170,3 +172,5 @@ TEST_CASE("Gauss-Seidel says when it stops early") {
   CHECK(to_string(report.status) == "not converged");
   CHECK_THROWS_AS(S({.max_sweeps = 0}), std::invalid_argument);
 }
+
+} // namespace test_gauss_seidel

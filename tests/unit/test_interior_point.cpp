@@ -16,6 +16,8 @@
 
 #include <cmath>
 
+namespace test_interior_point {
+
 using namespace talus;
 
 static_assert(Solver<InteriorPoint, 2> && Solver<InteriorPoint, 3>);
@@ -242,3 +244,5 @@ TEST_CASE("a simulation with interior points, and wrong parameters") {
   CHECK_THROWS_AS(InteriorPoint({.newton_iterations = 0}), std::invalid_argument);
   CHECK_THROWS_AS(InteriorPoint({.max_iterations = 0}), std::invalid_argument);
 }
+
+} // namespace test_interior_point

@@ -19,6 +19,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_io {
+
 namespace fs = std::filesystem;
 using support::contains, support::content, support::Folder, support::message_of;
 using talus::Index;
@@ -465,3 +467,5 @@ TEST_CASE("CSV: a table goes on where it was") {
                  "it has 12 bytes instead of 1000"));
   CHECK_THROWS_AS(talus::CsvWriter().resume(folder / "none.csv", {"x"}, 0), std::runtime_error);
 }
+
+} // namespace test_io

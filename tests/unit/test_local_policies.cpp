@@ -21,6 +21,8 @@
 #include <stdexcept>
 #include <string>
 
+namespace test_local_policies {
+
 using namespace talus;
 using namespace cone_problems;
 
@@ -306,3 +308,5 @@ TEST_CASE("local solvers refuse parameters out of range") {
                   std::invalid_argument);
   CHECK_THROWS_AS(FischerBurmeisterNewton({.tolerance = 0}), std::invalid_argument);
 }
+
+} // namespace test_local_policies

@@ -22,6 +22,8 @@
 #include <string>
 #include <utility>
 
+namespace test_materials {
+
 using namespace talus;
 using scenes::Mixed, scenes::mixed_collapse, scenes::two_columns, support::about, support::contains,
     support::Folder, support::message_of;
@@ -406,3 +408,5 @@ TEST_CASE("wrong materials are refused, by name and value") {
   CHECK(message_of<std::invalid_argument>([] { F(F::Params{}); }) ==
         "rheology.law is not given; allowed: a function of a FlowState");
 }
+
+} // namespace test_materials

@@ -24,6 +24,8 @@
 #include <string>
 #include <utility>
 
+namespace test_mesh {
+
 using namespace talus;
 using support::contains;
 using support::content;
@@ -369,3 +371,5 @@ TEST_CASE("several shells: apart, touching, overlapping, within each other") {
   CHECK(shapes::SampledMesh(joined(cube, inner), 0.05).distance({0.5, 0.5, 0.5}) ==
         support::about(0.25, 0.1));
 }
+
+} // namespace test_mesh

@@ -22,6 +22,8 @@
 #include <stdexcept>
 #include <string>
 
+namespace test_not_given {
+
 using namespace talus;
 
 namespace {
@@ -133,3 +135,5 @@ TEST_CASE("cohesion, viscosity and the frictions of a collapse have no default")
   setup.gate_friction = 0;
   CHECK(refusal([&] { setup.validate(); }) == "(accepted)");
 }
+
+} // namespace test_not_given

@@ -19,6 +19,8 @@
 #include <stdexcept>
 #include <type_traits>
 
+namespace test_particle_data {
+
 using namespace talus;
 
 namespace {
@@ -77,3 +79,5 @@ TEST_CASE("single precision particles: checkpoint and files") {
   CHECK_THROWS_AS(read_checkpoint(file, wider), std::runtime_error);
   CHECK(vtk_field("velocity", sim.particles().velocity).components == 3);
 }
+
+} // namespace test_particle_data

@@ -8,6 +8,8 @@
 
 #include <doctest/doctest.h>
 
+namespace test_particle_fields {
+
 using namespace talus;
 
 namespace {
@@ -54,3 +56,5 @@ TEST_CASE("no particles, no values") {
   const Flow<2> flow{Grid<2>({.origin = {0, 0}, .size = {1, 1}, .cells = {3, 3}}), {}};
   CHECK(at_particles(flow, [](const Index<2>&) { return 1.0; }).empty());
 }
+
+} // namespace test_particle_fields

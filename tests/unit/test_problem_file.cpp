@@ -13,6 +13,8 @@
 
 #include <sstream>
 
+namespace test_problem_file {
+
 using namespace talus;
 using support::contains, support::content, support::Folder, support::message_of;
 namespace fs = std::filesystem;
@@ -189,3 +191,5 @@ TEST_CASE("problem files that are not right are refused by name") {
                      [&] { write_problem(folder / "no" / "x.talus", recorded<2>()); }),
                  "cannot write"));
 }
+
+} // namespace test_problem_file

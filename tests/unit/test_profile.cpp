@@ -23,6 +23,8 @@
 #include <string>
 #include <vector>
 
+namespace test_profile {
+
 using namespace talus;
 using support::about;
 
@@ -253,3 +255,5 @@ TEST_CASE("particles on faces, edges and nodes count once, and one beyond by rou
                        "grid; it is 5.6e-17 m outside",
                        std::invalid_argument);
 }
+
+} // namespace test_profile

@@ -25,6 +25,8 @@
 #include <string>
 #include <vector>
 
+namespace test_readers {
+
 using namespace talus;
 using support::contains;
 using support::content;
@@ -156,3 +158,5 @@ TEST_CASE("storage order: talus stores by columns, users' matrices are written a
   detail::VtkLayout<Eigen::Matrix<double, 2, 2, Eigen::RowMajor>>::append(by_rows, rows);
   CHECK(by_columns == by_rows);
 }
+
+} // namespace test_readers

@@ -13,6 +13,8 @@
 #include <limits>
 #include <string>
 
+namespace test_rheology {
+
 using namespace talus;
 
 namespace {
@@ -175,3 +177,5 @@ TEST_CASE("a law that gives no friction during a run stops the step, and the rep
     }
   }
 }
+
+} // namespace test_rheology

@@ -14,6 +14,8 @@
 #include <string>
 #include <vector>
 
+namespace test_robustness {
+
 using namespace talus;
 
 namespace {
@@ -193,3 +195,5 @@ TEST_CASE("a stress wrong by a fraction shows a residual of about that fraction"
     CHECK(residual.l2 < 3 * wrong);
   }
 }
+
+} // namespace test_robustness

@@ -19,6 +19,8 @@
 #include <numbers>
 #include <stdexcept>
 
+namespace test_shapes {
+
 using namespace talus;
 using namespace talus::shapes;
 using support::contains;
@@ -233,3 +235,5 @@ TEST_CASE("a plate is two cells thick for nodes, with a normal on either side an
     }
   }
 }
+
+} // namespace test_shapes

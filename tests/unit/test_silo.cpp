@@ -13,6 +13,8 @@
 #include <limits>
 #include <stdexcept>
 
+namespace test_silo {
+
 using namespace talus;
 
 TEST_CASE("a floor holds the nodes on it, but for those in its hole") {
@@ -79,3 +81,5 @@ TEST_CASE("total volume, centre of mass and mean velocity") {
   CHECK(total_volume(singles) == 0.5);
   CHECK(mean_velocity(singles) == Vec<3>(1, 0, 0));
 }
+
+} // namespace test_silo

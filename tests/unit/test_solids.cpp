@@ -21,6 +21,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_solids {
+
 using namespace talus;
 
 namespace {
@@ -221,3 +223,5 @@ TEST_CASE("a motion is asked once a step, a shape only near it") {
     CHECK(of_body < 3 * 2 * 8 * 13 * 13);
   }
 }
+
+} // namespace test_solids

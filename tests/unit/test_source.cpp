@@ -29,6 +29,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_source {
+
 using namespace talus;
 using support::about, support::contains, support::Folder, support::message_of;
 
@@ -449,3 +451,5 @@ TEST_CASE("what add refuses, and remove's predicate throws, changes nothing") {
   other.restore(state);
   CHECK(other.step().completed());
 }
+
+} // namespace test_source

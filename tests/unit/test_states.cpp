@@ -35,6 +35,8 @@
 #include <string>
 #include <vector>
 
+namespace test_states {
+
 using namespace talus;
 using support::about, support::contains, support::Folder, support::message_of;
 
@@ -745,3 +747,5 @@ TEST_CASE("with cfl an obstacle does not jump into the material, and matters onl
   advance(gone, 1);
   CHECK(gone.time_step() == about(0.01));
 }
+
+} // namespace test_states

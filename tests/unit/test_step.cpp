@@ -28,6 +28,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_step {
+
 using namespace talus;
 using support::about, support::close, support::message_of, support::point, support::Scene,
     support::unit;
@@ -477,3 +479,5 @@ TEST_CASE("the time step: nodes, gravity, obstacles and bodies") {
   check_time_step<2>();
   check_time_step<3>();
 }
+
+} // namespace test_step

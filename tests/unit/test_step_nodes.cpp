@@ -32,6 +32,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_step_nodes {
+
 using namespace talus;
 using support::about, support::close, support::message_of, support::Scene, support::unit;
 
@@ -504,3 +506,5 @@ TEST_CASE("a state that does not fit is refused by name and value") {
         "a particle's coordinate is 2; allowed: a position in the box of the grid; it is 8.9e-16 m "
         "outside");
 }
+
+} // namespace test_step_nodes

@@ -12,6 +12,8 @@
 #include <limits>
 #include <random>
 
+namespace test_symmetric_eigen {
+
 using namespace talus;
 
 namespace {
@@ -69,3 +71,5 @@ TEST_CASE("a NaN is not lost among eigenvalues") {
   CHECK_FALSE(eigen.values.allFinite());
   CHECK_FALSE(eigen.vectors.allFinite());
 }
+
+} // namespace test_symmetric_eigen

@@ -27,6 +27,8 @@
 #include <utility>
 #include <vector>
 
+namespace test_terrain {
+
 using namespace talus;
 using support::about;
 using support::contains;
@@ -479,3 +481,5 @@ TEST_CASE("an open sheet of triangles as a map of heights") {
       contains(message_of<std::invalid_argument>([&] { static_cast<void>(height_map(sheet, 0)); }),
                "height_map: cell is 0"));
 }
+
+} // namespace test_terrain

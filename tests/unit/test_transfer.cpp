@@ -23,6 +23,8 @@
 #include <limits>
 #include <vector>
 
+namespace test_transfer {
+
 using namespace talus;
 
 namespace {
@@ -589,3 +591,5 @@ TEST_CASE("dense material with a free surface is dense, loose material is not") 
   CHECK(packing.room(3, 1, 0.01) ==
         doctest::Approx(-0.005)); // Tr D is at most half of the shear rate
 }
+
+} // namespace test_transfer

@@ -9,6 +9,8 @@
 
 #include <doctest/doctest.h>
 
+namespace test_vocabulary {
+
 using namespace talus;
 
 namespace {
@@ -198,3 +200,5 @@ TEST_CASE("fill_box: volume, place, reproducible") {
   bad.jitter = -0.1;
   CHECK_THROWS_AS(fill_box(none, grid, lower, upper, bad), std::invalid_argument);
 }
+
+} // namespace test_vocabulary
