@@ -67,7 +67,7 @@ def cost(compiler, source, folder):
 def links_precompiled(compiler, source, folder):
     unit = folder / "precompiled.cpp"
     unit.write_text("#include <talus/precompiled_definitions.hpp>\n", encoding="utf-8")
-    run([*compile_command(compiler, unit, folder / "program"), "-O0", "-include", "talus/precompiled.hpp", str(source)])
+    run([*compile_command(compiler, unit, folder / "program"), "-O1", "-include", "talus/precompiled.hpp", str(source)])
     run([str(folder / "program")])
 
 
