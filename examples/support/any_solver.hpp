@@ -60,8 +60,10 @@ class AnySolver {
     if (params.name == "gauss-seidel-newton")
       return Newton(sweeps(Newton::Params{}, 0));
     Default::Params with_interior_points = sweeps(Default::Params{}, params.extrapolation);
-    if (params.name == "gauss-seidel") // sweeps alone
+    if (params.name == "gauss-seidel") { // sweeps alone
+      with_interior_points.lagging_starts = 0;
       with_interior_points.max_cones = 0;
+    }
     return Default(with_interior_points);
   }
 

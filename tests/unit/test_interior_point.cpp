@@ -15,6 +15,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <utility>
 
 namespace test_interior_point {
 
@@ -179,8 +180,10 @@ TEST_CASE("interior points take over where sweeps do not arrive, and not before"
   DualProblem<2> hard = pile<2>(2), easy = hard;
   SweepsThenInteriorPoint::Workspace<2> workspace;
   const auto run = [&](double tolerance, DualProblem<2>& problem, std::size_t max_cones = 100) {
-    return SweepsThenInteriorPoint(
-               {.tolerance = tolerance, .max_sweeps = 30, .max_cones = max_cones})
+    return SweepsThenInteriorPoint({.tolerance = tolerance,
+                                    .max_sweeps = 30,
+                                    .lagging_starts = 0,
+                                    .max_cones = max_cones})
         .solve(problem, workspace, Execution());
   };
   CHECK(GaussSeidel<>({.tolerance = 1e-8, .max_sweeps = 30})
@@ -194,6 +197,86 @@ TEST_CASE("interior points take over where sweeps do not arrive, and not before"
   CHECK(by_both.status == SolveStatus::converged);
   CHECK(by_both.iterations > 30);
   CHECK(run(1e-2, easy).iterations < 30);
+}
+
+TEST_CASE("the slip lags: all of it at first, then a share of what changed") {
+  const Mat<3> w = Vec<3>(1, 2, 3).asDiagonal();
+  const double mu = 0.5, share = 0.25;
+  const LaggingSlipStep lagging({.share = share});
+  const ProjectionStep plain;
+  const auto prepared = lagging.prepare(CoulombLaw{}, w, mu);
+  Vec<3> lambda(2, 0.3, -0.4), expected = lambda;
+  const Vec<3> first(-1, 0.3, 0.4), second(0.2, -3, 4); // |γ_T| is 0.5, then 5
+  lagging.step(prepared, first, lambda);
+  plain.step(plain.prepare(CoulombLaw{}, w, mu), first, expected);
+  CHECK((lambda - expected).norm() < 1e-15);
+  lagging.step(prepared, second, lambda);
+  const Vec<3> shifted = second + mu * (0.5 + share * (5 - 0.5)) * Vec<3>::Unit(0);
+  plain.step(plain.prepare(AssociatedLaw{}, w, mu), shifted, expected);
+  CHECK((lambda - expected).norm() < 1e-15);
+  CHECK(lambda.norm() > 0);
+}
+
+TEST_CASE("a lagging slip arrives where sweeps go in circles; else the best of all is left") {
+  const auto params = [] {
+    auto of = scenes::box<2>({0.4, 0, 0.2}, {16, 1, 8}, 0, 0.9);
+    of.time_step = 3e-3;
+    of.solver = {};
+    return of;
+  }();
+  scenes::Sim<2> sim(params, scenes::block<2>(params.grid, 0, 0.12, 0, 0.16, 0.5));
+  using Hybrid = SweepsThenInteriorPoint;
+  Hybrid::Workspace<2> workspace;
+  const auto run = [&](DualProblem<2> problem, const Hybrid::Params& with, int threads = 1) {
+    const SolveReport report = Hybrid(with).solve(problem, workspace, Execution(threads));
+    return std::pair(report, problem.velocity);
+  };
+  int missed = 0, missed_with_more = 0, missed_lagging = 0;
+  for (int k = 0; k < 60; ++k) {
+    DualProblem<2> problem;
+    if (sim.step([&](const DualProblem<2>& p) { problem = p; }).solve.iterations <= 500)
+      continue;
+    const auto sweeps =
+        run(problem, {.max_sweeps = 500, .lagging_starts = 0, .max_cones = 0}).first;
+    const auto more = run(problem, {.max_sweeps = 1000, .lagging_starts = 0, .max_cones = 0}).first;
+    const auto [lagging, velocity] = run(problem, {.max_sweeps = 500, .max_cones = 0});
+    missed += sweeps.status != SolveStatus::converged;
+    missed_with_more += more.status != SolveStatus::converged;
+    missed_lagging += lagging.status != SolveStatus::converged;
+    CHECK(lagging.iterations > 500);
+    CHECK(lagging.iterations <= 1000);
+    CHECK(run(problem, {.max_sweeps = 500, .max_cones = 0}, 3).second == velocity);
+    DualProblem<2> copy = problem;
+    const SolveReport alone = GaussSeidel<>({.tolerance = 1e-14, .max_sweeps = 500})
+                                  .solve(copy, workspace.sweeps, Execution());
+    const SolveReport best = Hybrid({.tolerance = 1e-14, .max_sweeps = 500, .max_cones = 0})
+                                 .solve(problem, workspace, Execution());
+    CHECK(best.status == SolveStatus::not_converged);
+    CHECK(best.residual.l2 <= alone.residual.l2);
+    const SolveReport left =
+        GaussSeidel<>({.tolerance = 1}).solve(problem, workspace.sweeps, Execution());
+    CHECK(left.iterations == 0);
+    CHECK(left.residual.l2 == best.residual.l2);
+  }
+  CHECK(missed > 0);
+  CHECK(missed_lagging < missed_with_more);
+  CHECK_THROWS_AS(Hybrid({.lagging_starts = -1}), std::invalid_argument);
+  CHECK_THROWS_AS(LaggingSlipStep({.share = 0}), std::invalid_argument);
+}
+
+TEST_CASE("the ordering of the factors fills them less than none") {
+  constexpr int n = 20; // a grid of n × n
+  Eigen::SparseMatrix<double> matrix(n * n, n * n);
+  for (int i = 0; i < n * n; ++i) {
+    matrix.insert(i, i) = 5;
+    for (const int j : {i - n, i % n > 0 ? i - 1 : -1, i % n < n - 1 ? i + 1 : -1, i + n})
+      if (j >= 0 && j < n * n)
+        matrix.insert(j, i) = -1;
+  }
+  matrix.makeCompressed();
+  Eigen::SparseLU<Eigen::SparseMatrix<double>, detail::MinimumDegree> ordered(matrix);
+  Eigen::SparseLU<Eigen::SparseMatrix<double>, Eigen::NaturalOrdering<int>> natural(matrix);
+  CHECK(2 * ordered.nnzL() < natural.nnzL() + natural.nnzL() / 5);
 }
 
 TEST_CASE("by arc length alone, from the start of the path") {
