@@ -365,10 +365,10 @@ class Simulation {
     check_materials(more, materials());
     check_particles(more, grid_);
     ParticleData& particles = state_.particles;
-    const std::size_t first_id = particles.next_id;
+    const std::size_t first_id = particles.next_id, next_id = first_id + more.size();
     if (execution_.first_rank())
       append(more, particles);
-    particles.next_id = first_id + more.size();
+    particles.next_id = next_id;
     if (params_.ranks)
       params_.ranks->migrate(particles);
     std::exception_ptr refusal;

@@ -244,6 +244,24 @@ TEST_CASE("a viscous layer on a rough slope: u = rho g sin(theta) (H z − z²/2
         }) < 0.02);
 }
 
+TEST_CASE("a liquid that is stiff against its masses creeps as slowly as its viscosity says") {
+  const double height = 0.1;
+  const int cells = 10;
+  for (const double eta : {1e6, 1e7}) { // η δt/(ρ h²) = 7e3 and 7e4
+    auto params = layer(cells, 8, height, 20);
+    params.rheology.viscosity = eta;
+    Sim<2> sim(params, block<2>(params, {0, 0}, {params.grid.size[0], height}));
+    for (int n = 0; n < 10; ++n) {
+      const StepReport report = sim.step();
+      CHECK(report.solve.status == SolveStatus::converged);
+      CHECK(report.viscous.status == SolveStatus::converged);
+    }
+    CHECK(deviation(sim, cells, [&](double z) {
+            return density * params.gravity[0] / eta * (height * z - z * z / 2);
+          }) < 0.05);
+  }
+}
+
 TEST_CASE("a shear wave decays by viscosity and keeps its momentum") {
   shear_wave<2>();
   shear_wave<3>();

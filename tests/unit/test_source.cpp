@@ -317,6 +317,45 @@ TEST_CASE("a strip that nothing stands in the way of lets all in, dense as it is
     }
 }
 
+TEST_CASE("a strip across a periodic box, aslant: what passes a face comes in at the other one") {
+  for (const int cells : {1, 20})
+    for (const double jitter : {0.0, 0.5}) {
+      auto params = box<2>();
+      params.grid.size[0] = 0.01 * cells;
+      params.grid.cells[0] = cells;
+      params.gravity.setZero();
+      params.time_step = 0.02; // 4 cm along the strip
+      params.faces.lower[0] = params.faces.upper[0] = {FaceKind::periodic};
+      const double width = params.grid.size[0];
+      params.exchange = make_source<2>(Grid<2>(params.grid, params.faces.periodic()),
+                                       {.lower = {0, 0.18},
+                                        .upper = {width, 0.18},
+                                        .velocity = {2, -0.3},
+                                        .time = {.end = 0.2},
+                                        .seeding = {.jitter = jitter}});
+      Sim<2> sim(params, {});
+      const Balance balance = run(sim, 0.22);
+      CHECK(balance.held_back == 0);
+      CHECK(balance.in == about(width * 0.06));
+      CHECK(sim.step().largest_fraction < 1.1);
+    }
+}
+
+TEST_CASE("all of a simulation's particles added to itself, where that is allowed") {
+  auto params = box<2>();
+  params.packing.densest = std::numeric_limits<double>::infinity();
+  const auto sand = block<2>(Grid<2>(params.grid), 0, 0.1);
+  Sim<2> sim(params, sand);
+  REQUIRE(sim.step().completed()); // the particles have mixed derivatives now
+  sim.add(sim.particles());
+  REQUIRE(sim.particles().size() == 2 * sand.size());
+  CHECK(sim.particles().next_id == 2 * sand.size());
+  for (std::size_t p = 0; p < sand.size(); ++p) {
+    CHECK(sim.particles().position[p + sand.size()] == sim.particles().position[p]);
+    CHECK(sim.particles().id[p + sand.size()] == sand.size() + p);
+  }
+}
+
 TEST_CASE("sources within material, and sinks with a time") {
   auto params = box<2>();
   const Grid<2> grid(params.grid);
@@ -417,6 +456,9 @@ TEST_CASE("what add refuses, and remove's predicate throws, changes nothing") {
   };
   CHECK(
       contains(message_of<std::invalid_argument>([&] { sim.add(sand); }), "what is filled twice"));
+  CHECK(unchanged());
+  CHECK(contains(message_of<std::invalid_argument>([&] { sim.add(sim.particles()); }),
+                 "what is filled twice"));
   CHECK(unchanged());
   Particles<2> outside;
   outside.add({0.5, 0.1}, {0, 0}, 1e-6);

@@ -9,6 +9,8 @@
 
 #include <doctest/doctest.h>
 
+#include <limits>
+
 namespace test_vocabulary {
 
 using namespace talus;
@@ -150,7 +152,10 @@ TEST_CASE("grid: wrong parameters are refused by name") {
                        std::invalid_argument);
   bad = params;
   bad.cells[0] = 0;
-  CHECK_THROWS_WITH_AS(Grid<2>{bad}, "grid.cells.x is 0; allowed: an integer >= 1",
+  CHECK_THROWS_WITH_AS(Grid<2>{bad}, "grid.cells.x is 0; allowed: an integer in 1..2^30",
+                       std::invalid_argument);
+  bad.cells[0] = std::numeric_limits<int>::max(); // with its ghosts it would wrap around
+  CHECK_THROWS_WITH_AS(Grid<2>{bad}, "grid.cells.x is 2147483647; allowed: an integer in 1..2^30",
                        std::invalid_argument);
   bad = params;
   bad.origin[0] = std::nan("");

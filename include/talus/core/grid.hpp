@@ -62,7 +62,7 @@ class Grid {
   Grid() = default;
 
   /// Throws std::invalid_argument if a size is not finite and positive, a number of cells is below
-  /// 1, or the grid has more than 2^30 nodes.
+  /// 1 or above 2^30, or the grid has more than 2^30 nodes.
   /// periodic: along which axes the box goes on at its opposite face.
   explicit Grid(const GridParams<Dim>& params, const SmallArray<bool, Dim>& periodic = {})
       : Grid(params, periodic, all_nodes(params, periodic)) {}
@@ -77,8 +77,8 @@ class Grid {
       const std::string axis = axis_names[a];
       require_finite("grid.origin." + axis, origin_[a]);
       require_positive("grid.size." + axis, size_[a]);
-      if (cells(a) < 1)
-        throw_invalid("grid.cells." + axis, cells(a), "an integer >= 1");
+      if (cells(a) < 1 || cells(a) > most_nodes)
+        throw_invalid("grid.cells." + axis, cells(a), "an integer in 1..2^30");
       spacing_[a] = size_[a] / cells(a);
       inverse_spacing_[a] = 1 / spacing_[a];
     }
@@ -92,7 +92,7 @@ class Grid {
       cell_end_[a] = std::max(std::min(own_.end[a], cells(a)), first_cell_[a]);
       nodes *= node_layers_[a];
     }
-    if (nodes > 1073741824.0)
+    if (nodes > most_nodes)
       throw_invalid("the number of grid nodes", nodes, "at most 2^30");
     int node_stride = 1, cell_stride = 1;
     for (int a = Dim - 1; a >= 0; --a) {
@@ -110,7 +110,7 @@ class Grid {
                                 const SmallArray<bool, Dim>& periodic) {
     NodeBox<Dim> all;
     for (int a = 0; a < Dim; ++a)
-      all.end[a] = params.cells[a] + (periodic[a] ? 0 : 1);
+      all.end[a] = std::min(params.cells[a], most_nodes) + (periodic[a] ? 0 : 1);
     return all;
   }
 
@@ -261,6 +261,8 @@ class Grid {
   }
 
  private:
+  static constexpr int most_nodes = 1 << 30;
+
   Vec<Dim> origin_ = Vec<Dim>::Zero(), size_ = Vec<Dim>::Zero();
   Vec<Dim> spacing_ = Vec<Dim>::Zero(), inverse_spacing_ = Vec<Dim>::Zero();
   Index<Dim> cells_{}, node_stride_{}, cell_stride_{}, node_layers_{}, first_cell_{}, cell_end_{};

@@ -78,8 +78,9 @@ class Source final : public Exchange<Dim, Real> {
     Seeding seeding{}; ///< per_axis, jitter, seed, material; the pattern is as told above
   };
 
-  /// Throws std::invalid_argument if a parameter is out of range, the strip or region leaves the
-  /// grid, or a strip's material would not move into it.
+  /// grid: that of the simulation, periodic where that is, or what passes such a face on its way
+  /// along a strip stays there. Throws std::invalid_argument if a parameter is out of range, the
+  /// strip or region leaves the grid, or a strip's material would not move into it.
   Source(const Grid<Dim>& grid, Params params) : grid_(grid), params_(std::move(params)) {
     params_.seeding.validate();
     params_.time.validate("source");
@@ -164,6 +165,7 @@ class Source final : public Exchange<Dim, Real> {
       if (!(upper >= lower && upper <= to[a]))
         throw_invalid("source.upper" + name, upper,
                       "in the grid, from source.lower" + name + " to " + text_of(to[a]));
+      around_[a] = grid_.periodic(a) && lower == from[a] && upper == to[a];
       if (upper > lower)
         continue;
       if (is_strip())
@@ -236,7 +238,7 @@ class Source final : public Exchange<Dim, Real> {
     places = middles = layer_;
     const auto bring = [&](Vec<Dim>& x) {
       x[axis_] += (into_ ? 0.5 : -0.5) * edge_[axis_];
-      x += age * params_.velocity;
+      x = grid_.wrapped(x + age * params_.velocity);
       x = x.cwiseMax(grid_.origin()).cwiseMin(grid_.upper());
     };
     for (std::size_t i = 0; i < places.size(); ++i) {
@@ -268,8 +270,13 @@ class Source final : public Exchange<Dim, Real> {
   /// w(y − x).
   double weight(const Vec<Dim>& x, const Vec<Dim>& y) const {
     double w = 1;
-    for (int a = 0; a < Dim && w > 0; ++a)
-      w *= std::max(0.0, 1 - std::abs(y[a] - x[a]) * grid_.inverse_spacing()[a]);
+    for (int a = 0; a < Dim && w > 0; ++a) {
+      const auto hat = [h = grid_.inverse_spacing()[a]](double r) {
+        return std::max(0.0, 1 - r * h);
+      };
+      const double apart = std::abs(y[a] - x[a]);
+      w *= around_[a] ? hat(apart) + hat(grid_.size()[a] - apart) : hat(apart);
+    }
     return w;
   }
 
@@ -282,7 +289,8 @@ class Source final : public Exchange<Dim, Real> {
         const double reach = std::clamp(s, 0.0, h);
         return reach - reach * reach / (2 * h);
       };
-      const double below = x[a] - room_lower_[a], above = room_upper_[a] - x[a];
+      const double below = around_[a] ? h : x[a] - room_lower_[a];
+      const double above = around_[a] ? h : room_upper_[a] - x[a];
       product *=
           a != axis_ ? half(below) + half(above) : half(into_ ? above : below) - half(edge_[a] / 2);
     }
@@ -321,6 +329,7 @@ class Source final : public Exchange<Dim, Real> {
   Vec<Dim> edge_;     ///< of a particle's share, m
   std::vector<Vec<Dim>> layer_;
   Vec<Dim> room_lower_, room_upper_; ///< the part of the box that counts, m
+  SmallArray<bool, Dim> around_{};   ///< does it go all around the box along a periodic axis?
   double volume_ = 0;                ///< V, m^d
   double period_ = 0;                ///< V/Q, s
   double count_ = 0;                 ///< of layers, or particles, by the end, if there is one

@@ -46,9 +46,9 @@ struct ViscousParams {
 ///
 /// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
 /// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that
-/// it leaves out, sqrt(Σ r²/m / Σ m), over the problem's velocity scale. These are put in at the
-/// end, so that u' − u is the effect of a stress and conserves momentum to rounding. The result
-/// does not depend on the number of threads.
+/// it leaves out, sqrt(Σ r²/m / Σ m), over the problem's velocity scale, or over those of the first
+/// r if that is 0. These are put in at the end, so that u' − u is the effect of a stress and
+/// conserves momentum to rounding. The result does not depend on the number of threads.
 template <int Dim>
 class ViscousSolver {
  public:
@@ -70,8 +70,8 @@ class ViscousSolver {
       return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
                   inverse_mass.maxCoeff() > 0 ? 1 / inverse_mass.maxCoeff() : 0};
     });
-    const double scale2 =
-        sums.left_out + problem.velocity_scale * problem.velocity_scale * sums.mass;
+    const double of_step = problem.velocity_scale * problem.velocity_scale * sums.mass;
+    const double scale2 = of_step > 0 ? of_step : sums.left_out;
     for (;; ++report.iterations) {
       report.residual = sums.left_out > 0 ? std::sqrt(sums.left_out / scale2) : sums.left_out;
       if (!std::isfinite(report.residual))

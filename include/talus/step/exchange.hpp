@@ -62,20 +62,20 @@ std::size_t take_out(Particles<Dim, Real>& particles, const Leaves& leaves, Exac
   return removed;
 }
 
-/// Adds copies of the particles `more`, with ids of their own.
+/// Adds copies of the particles `more`, with ids of their own; they may be the same ones.
 template <int Dim, class Real>
 void append(const Particles<Dim, Real>& more, Particles<Dim, Real>& particles) {
-  const std::size_t before = particles.size();
+  const std::size_t before = particles.size(), count = more.size();
   if (!more.mixed.empty())
     particles.resize_mixed(before);
   if (!more.material.empty())
     particles.resize_material(before);
-  particles.resize(before + more.size());
+  particles.resize(before + count);
   if (!more.mixed.empty())
-    particles.resize_mixed(before + more.size());
+    particles.resize_mixed(before + count);
   if (!more.material.empty())
-    particles.resize_material(before + more.size());
-  for (std::size_t p = 0; p < more.size(); ++p) {
+    particles.resize_material(before + count);
+  for (std::size_t p = 0; p < count; ++p) {
     const std::size_t id = particles.id[before + p];
     particles.copy(before + p, more, p);
     particles.id[before + p] = id;
