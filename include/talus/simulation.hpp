@@ -140,7 +140,8 @@ class Simulation {
     if (params_.friction_updates < 1)
       throw_invalid("friction_updates", params_.friction_updates, "an integer >= 1");
     require_positive("friction_tolerance", params_.friction_tolerance);
-    require_positive("min_relative_mass", params_.min_relative_mass);
+    if (!(params_.min_relative_mass > 0 && params_.min_relative_mass < 1))
+      throw_invalid("min_relative_mass", params_.min_relative_mass, "a number in (0, 1)");
     params_.packing.validate();
     check_gravity("gravity", params_.gravity);
     params_.faces.validate();

@@ -390,6 +390,9 @@ TEST_CASE("wrong input is refused by name and value") {
   bad.cfl = -1;
   CHECK(message(bad, particles) == "cfl is -1; allowed: a finite number >= 0");
   bad = params;
+  bad.min_relative_mass = 1;
+  CHECK(message(bad, particles) == "min_relative_mass is 1; allowed: a number in (0, 1)");
+  bad = params;
   bad.rheology.mu = -0.1;
   CHECK(message(bad, particles) == "rheology.mu is -0.1; allowed: a finite number >= 0");
   bad = params;

@@ -217,7 +217,7 @@ TEST_CASE("the slip lags: all of it at first, then a share of what changed") {
   CHECK(lambda.norm() > 0);
 }
 
-TEST_CASE("a lagging slip arrives where sweeps go in circles; else the best of all is left") {
+TEST_CASE("a lagging slip arrives where sweeps go in circles, else the best of all is left") {
   const auto params = [] {
     auto of = scenes::box<2>({0.4, 0, 0.2}, {16, 1, 8}, 0, 0.9);
     of.time_step = 3e-3;
