@@ -98,7 +98,7 @@ template <int Dim>
 Scene<Chute<Dim>> chute() {
   Scene<Chute<Dim>> scene;
   auto& params = scene.params;
-  const auto plain = box<Dim>({0.2, 0.18, 0.12}, {20, 9, 12}, 26, 0.4);
+  const auto plain = box<Dim>({0.2, 0.12, 0.12}, {20, 6, 12}, 26, 0.4);
   params.grid = plain.grid;
   params.material = plain.material;
   params.gravity = plain.gravity;

@@ -169,7 +169,7 @@ TEST_CASE("ranks: a collapse behind a gate, 2-D") {
   check_scene(scenes::collapse<2>(), steps_for_ranks(200));
 }
 TEST_CASE("ranks: a collapse behind a gate, 3-D") {
-  check_scene(scenes::collapse<3>(), steps_for_ranks(200));
+  check_scene(scenes::collapse<3>(), steps_for_ranks(100));
 }
 TEST_CASE("ranks: bodies fall on what runs out, 2-D") {
   check_scene(scenes::impact<2>(), steps_for_ranks(100));
@@ -181,7 +181,7 @@ TEST_CASE("ranks: an endless chute, 2-D") {
   check_scene(scenes::chute<2>(), steps_for_ranks(200));
 }
 TEST_CASE("ranks: an endless chute, 3-D") {
-  check_scene(scenes::chute<3>(), steps_for_ranks(40));
+  check_scene(scenes::chute<3>(), steps_for_ranks(30));
 }
 
 TEST_CASE("ranks: sand comes in and goes out") {
