@@ -4,6 +4,7 @@
 
 #include "talus/boundary/body.hpp"
 #include "talus/cone/secular.hpp"
+#include "talus/dual/nested_dissection.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/solver/interior_point.hpp"
 #include "talus/solver/sweeps_then_interior_point.hpp"
@@ -14,8 +15,15 @@
 
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <iterator>
+#include <set>
+#include <type_traits>
 #include <utility>
+#include <vector>
 
 namespace test_interior_point {
 
@@ -264,19 +272,47 @@ TEST_CASE("a lagging slip arrives where sweeps go in circles, else the best of a
   CHECK_THROWS_AS(LaggingSlipStep({.share = 0}), std::invalid_argument);
 }
 
-TEST_CASE("the ordering of the factors fills them less than none") {
-  constexpr int n = 20; // a grid of n × n
-  Eigen::SparseMatrix<double> matrix(n * n, n * n);
-  for (int i = 0; i < n * n; ++i) {
-    matrix.insert(i, i) = 5;
-    for (const int j : {i - n, i % n > 0 ? i - 1 : -1, i % n < n - 1 ? i + 1 : -1, i + n})
-      if (j >= 0 && j < n * n)
-        matrix.insert(j, i) = -1;
-  }
-  matrix.makeCompressed();
-  Eigen::SparseLU<Eigen::SparseMatrix<double>, detail::MinimumDegree> ordered(matrix);
-  Eigen::SparseLU<Eigen::SparseMatrix<double>, Eigen::NaturalOrdering<int>> natural(matrix);
-  CHECK(2 * ordered.nnzL() < natural.nnzL() + natural.nnzL() / 5);
+TEST_CASE_TEMPLATE("dissected nodes: all of them, and factors that fill less", N,
+                   std::integral_constant<int, 2>, std::integral_constant<int, 3>) {
+  constexpr int dim = N::value;
+  GridParams<dim> params;
+  for (int a = 0; a < dim; ++a)
+    params.cells[a] = dim == 2 ? 60 : 14;
+  params.size.setOnes();
+  const Grid<dim> grid(params);
+  Array<int> natural;
+  for (int j = 0; j < grid.node_count(); ++j)
+    natural.push_back(j);
+  Array<int> nodes = natural, other_way = natural;
+  std::reverse(other_way.begin(), other_way.end());
+  dissect(grid, nodes.data(), nodes.data() + nodes.size());
+  dissect(grid, other_way.data(), other_way.data() + other_way.size());
+  CHECK(nodes == other_way);
+  const auto fill = [&](const Array<int>& order) { // of the Cholesky factor, by its elimination
+    std::vector<std::set<int>> later(order.size());
+    std::ptrdiff_t entries = 0;
+    const auto near = [&](int i, int j) {
+      const auto a = grid.node_index(i), b = grid.node_index(j);
+      for (int k = 0; k < dim; ++k)
+        if (std::abs(a[k] - b[k]) > 2)
+          return false;
+      return true;
+    };
+    const int n = static_cast<int>(order.size());
+    for (int i = 0; i < n; ++i)
+      for (int j = i + 1; j < n; ++j)
+        if (near(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]))
+          later[static_cast<std::size_t>(i)].insert(j);
+    for (const auto& of : later) {
+      entries += std::ssize(of);
+      if (!of.empty()) // the rest of the column goes to its parent
+        later[static_cast<std::size_t>(*of.begin())].insert(std::next(of.begin()), of.end());
+    }
+    return entries;
+  };
+  CHECK(1.5 * static_cast<double>(fill(nodes)) < static_cast<double>(fill(natural)));
+  std::sort(nodes.begin(), nodes.end());
+  CHECK(nodes == natural);
 }
 
 TEST_CASE("by arc length alone, from the start of the path") {

@@ -6,6 +6,7 @@
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/types.hpp"
+#include "talus/dual/nested_dissection.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 
@@ -21,7 +22,8 @@ namespace talus {
 /// A dual problem as rows of numbers, cones and contacts alike, for solvers that factorise:
 /// \f[ γ = H v + γ_0, \quad M v = H^T λ, \quad v = u − u_{\text{free}}, \f]
 /// with one λ for all (twice the stress impulse, or a contact's impulse) and one law, Coulomb's.
-/// Unknowns are the components of nodal velocities that can change, then the velocities of bodies.
+/// Unknowns are the components of nodal velocities that can change, in an order in which factors
+/// fill little, then the velocities of bodies.
 struct SparseProblem {
   /// Rows row..row+size−1, normal first (that alone without friction); they share `columns`, and
   /// `entries` holds them row by row.
@@ -213,15 +215,17 @@ class SparseForm {
   void number_unknowns() {
     unknown_.assign(free_.velocity.size() * Dim, -1);
     Array<double> masses;
-    for (int j = 0; j < free_.grid.node_count(); ++j) {
-      if (owner(j) != j)
-        continue;
+    Array<int> nodes;
+    for (int j = 0; j < free_.grid.node_count(); ++j)
+      if (owner(j) == j && free_.inverse_mass[j].maxCoeff() > 0)
+        nodes.push_back(j);
+    dissect(free_.grid, nodes.data(), nodes.data() + nodes.size());
+    for (const int j : nodes)
       for (int a = 0; a < Dim; ++a)
         if (const double w = free_.inverse_mass[j][a]; w > 0) {
           unknown_[Dim * j + a] = static_cast<int>(masses.size());
           masses.push_back(1 / w);
         }
-    }
     first_body_ = static_cast<int>(masses.size());
     constexpr int spin = spin_size<Dim>, of_body = Dim + spin;
     sparse.unknowns = first_body_ + of_body * static_cast<int>(free_.bodies.size());

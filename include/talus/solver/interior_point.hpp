@@ -24,18 +24,6 @@ namespace talus {
 
 namespace detail {
 
-/// Approximate minimum degree, as SparseLU takes it: a column's new place. Eigen's own ordering
-/// gives the column of each place, which SparseLU takes for the inverse: in 3-D 3 times the fill.
-struct MinimumDegree {
-  using Permutation = Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, int>;
-  template <class Matrix>
-  void operator()(const Matrix& matrix, Permutation& permutation) const {
-    Permutation columns;
-    Eigen::AMDOrdering<int>()(matrix, columns);
-    permutation = columns.inverse();
-  }
-};
-
 /// Newton's method on the central path of a SparseProblem: with the cones scaled to K_1,
 /// x = (μ λ_N, λ_T) and z = (γ_N + μ |γ_T|, μ γ_T), which is de Saxcé's γ̃,
 /// \f[ M v = H^T λ, \quad x ∘ z = τ e, \quad τ → 0, \f]
@@ -276,7 +264,7 @@ class CentralPath {
 
   const SparseProblem& problem_;
   Eigen::SparseMatrix<double> matrix_;
-  Eigen::SparseLU<Eigen::SparseMatrix<double>, MinimumDegree> factors_;
+  Eigen::SparseLU<Eigen::SparseMatrix<double>, Eigen::NaturalOrdering<int>> factors_;
   Array<jordan::Scaling> scaling_; ///< #cones
   Vector slip_;                    ///< γ_T/|γ_T|, #rows; 0 if lagged
   Vector scaled_;                  ///< v
