@@ -12,6 +12,7 @@
 #include "talus/io/problem_file.hpp"
 #include "talus/solver/gauss_seidel.hpp"
 #include "talus/solver/interior_point.hpp"
+#include "talus/solver/sweeps_then_interior_point.hpp"
 
 #include "../examples/support/whole_numbers.hpp"
 
@@ -52,7 +53,9 @@ Timed timed(const Options& options, const DualProblem<Dim>& problem, double tole
             int max_sweeps, double extrapolation) {
   typename SolverT::Params params;
   params.tolerance = tolerance;
-  if constexpr (requires { params.max_sweeps; }) {
+  if constexpr (requires { params.max_cones; }) {
+    params.max_sweeps = std::min(max_sweeps, params.max_sweeps); // then something else
+  } else if constexpr (requires { params.max_sweeps; }) {
     params.max_sweeps = max_sweeps;
     params.extrapolation = extrapolation;
   } else {
@@ -144,6 +147,10 @@ std::map<std::string, Entry<Dim>> solvers() {
       {"interior-point",
        [](const Options& o, const DualProblem<Dim>& p) {
          return run<Dim, InteriorPoint>(o, p, 0);
+       }},
+      {"sweeps-then-interior-point",
+       [](const Options& o, const DualProblem<Dim>& p) {
+         return run<Dim, SweepsThenInteriorPoint>(o, p, 0);
        }},
   };
 }

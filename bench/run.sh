@@ -71,7 +71,7 @@ if [ "$name" = profile ]; then
     result=$out/profile_$(basename "$problem" .talus).json
     [ -s "$result" ] && continue
     "$solve" --profile --json --repetitions 2 --problem "$problem" > "$result.part" \
-      --solver accelerated accelerated-secular plain coulomb-secular interior-point
+      --solver accelerated accelerated-secular coulomb-secular interior-point sweeps-then-interior-point
     mv "$result.part" "$result"
   done
   "$python" "$root/bench/profile.py" "$out"
