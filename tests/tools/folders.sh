@@ -84,12 +84,11 @@ measured short end_time_s | awk '{ exit !($1 > 0.297) }' || fail "ended at $(mea
 "$programs/collapse" --dim 2 --cell 0.02 0.02 0.01 --quiet --no-plot --end-time 0.1 --vtk last --out frames --overwrite
 [ "$(find frames/vtk -type f | wc -l)" -eq 2 ] || fail "frames of an earlier run: $(ls frames/vtk)"
 
-# A column that leans on the upstream wall has come to rest before its gate has left it, 0.3 m higher.
-# The gate is smooth: a rough one takes grains along, and leaves the highest one later. Solved well, or what the
-# tolerance leaves moves a grain now and then.
-collapse --case B00 --tolerance 1e-6 --inclination -75 --friction 1 --wall-friction 0.9 --gate-friction 0 --bed-depth 0 \
+# A column that leans on the upstream wall is not at rest before its gate has left it, 0.3 m higher. The gate is smooth: a rough
+# one takes grains along, and leaves the highest one later.
+collapse --case B00 --inclination -75 --friction 0.5 --wall-friction 0.9 --gate-friction 0 --bed-depth 0 \
   --column-length 0.06 --column-height 0.3 --height 0.4 --length 0.3 --out leans
-measured leans rest_time_s | awk '{ exit !($1 > 0.55 && $1 < 0.58) }' ||
+measured leans rest_time_s | awk '{ exit !($1 > 0.55 && $1 < 0.65) }' ||
   fail "rest time $(measured leans rest_time_s) s; the gate leaves the highest grain after 0.556 s"
 
 # Two programs in one folder: the second is refused at once, and the first one's files are whole.

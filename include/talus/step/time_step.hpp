@@ -19,14 +19,13 @@
 
 namespace talus {
 
-/// δt = cfl / max_a (|u_a| + |g_a| δt_max)/h_a over nodes and corners of bodies, at most δt_max, s;
-/// for obstacles |v_a|/h_a over the nodes that they hold, whether there is material yet or not, so
-/// that they don't jump into it. A body outside of the box may go on until it has come back by that
-/// share of a cell; an obstacle outside has no influence.
-/// cfl: largest share of a cell to cross in a step, > 0; largest: δt_max, s; solids: where
-/// they are; nodes: those of the box; velocity: u*, #nodes of the grid, m/s; gravity: m/s²;
-/// partials: workspace. Throws std::invalid_argument if an obstacle gives what is no contact (see
-/// check_contact).
+/// The longest δt ≤ δt_max with (|u_a| + |g_a| δt) δt ≤ cfl h_a at nodes and corners of bodies, s,
+/// and |v_a| δt ≤ cfl h_a at the nodes that obstacles hold, whether there is material yet or not,
+/// so that they don't jump into it. A body outside of the box may go on until it has come back by
+/// that share of a cell; an obstacle outside has no influence. cfl: largest share of a cell to
+/// cross in a step, > 0; largest: δt_max, s; solids: where they are; nodes: those of the box;
+/// velocity: u*, #nodes of the grid, m/s; gravity: m/s²; partials: workspace. Throws
+/// std::invalid_argument if an obstacle gives what is no contact (see check_contact).
 template <int Dim>
 double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
                      const SolidsAtCones<Dim>& solids, const Array<int>& nodes,
@@ -34,16 +33,21 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
                      const Vec<Dim>& gravity, const Execution& execution, Array<double>& partials) {
   const Grid<Dim>& grid = bounds.grid;
   const auto larger = [](double a, double b) { return std::max(a, b); };
-  double rate = execution.reduce( // cells a second
-      std::ssize(nodes), partials, cfl / largest,
+  // 1/δt of a way, m, at a speed and with gravity along an axis
+  const auto inverse_time = [&](double way, double speed, int a) {
+    return (speed + std::sqrt(speed * speed + 4 * way * std::abs(gravity[a]))) / (2 * way);
+  };
+  double rate = execution.reduce(
+      std::ssize(nodes), partials, 0.0,
       [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
-        double fastest = 0;
+        Vec<Dim> fastest = Vec<Dim>::Zero();
         for (std::ptrdiff_t k = begin; k < end; ++k)
-          for (int a = 0; a < Dim; ++a) {
-            const double speed = std::abs(velocity[nodes[k]][a]) + std::abs(gravity[a]) * largest;
-            fastest = std::max(fastest, speed * grid.inverse_spacing()[a]);
-          }
-        return fastest;
+          for (int a = 0; a < Dim; ++a)
+            fastest[a] = std::max(fastest[a], std::abs(velocity[nodes[k]][a]));
+        double of_range = 0;
+        for (int a = 0; a < Dim; ++a)
+          of_range = std::max(of_range, inverse_time(cfl * grid.spacing()[a], fastest[a], a));
+        return of_range;
       },
       larger);
   for (std::size_t o = 0; o < bounds.obstacles.size(); ++o)
@@ -54,22 +58,22 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
         return;
       check_contact(o, x, *held);
       for (int a = 0; a < Dim; ++a)
-        rate = std::max(rate, std::abs(held->velocity[a]) * grid.inverse_spacing()[a]);
+        rate = std::max(rate, std::abs(held->velocity[a]) * grid.inverse_spacing()[a] / cfl);
     });
   for (std::size_t b = 0; b < bounds.body_states.size(); ++b) {
     double of_body = 0, to_box = std::numeric_limits<double>::infinity();
     for (int a = 0; a < Dim; ++a) {
       const double speed = std::abs(bounds.body_states[b].velocity[a]) +
-                           std::abs(gravity[a]) * largest +
                            bounds.body_states[b].angular_velocity.norm() * bodies.radius[b];
-      of_body = std::max(of_body, speed * grid.inverse_spacing()[a]);
+      const double way = cfl * grid.spacing()[a];
+      of_body = std::max(of_body, inverse_time(way, speed, a));
       const double gap = gap_to_box(grid, bounds.body_states[b].position, bodies.reach[b], a);
       if (gap > 0)
-        to_box = std::min(to_box, cfl * speed / (gap + cfl * grid.spacing()[a]));
+        to_box = std::min(to_box, inverse_time(gap + way, speed, a));
     }
     rate = std::max(rate, std::min(of_body, to_box));
   }
-  return cfl / execution.largest(rate);
+  return std::min(largest, 1 / execution.largest(rate));
 }
 
 } // namespace talus
