@@ -2,7 +2,7 @@
 // Records dual problems of many kinds, each with its warm start:
 //   record_global_problems FOLDER [NAME...]
 // leaves FOLDER/NAME.talus for all of them, or for those that are named; a file that is there
-// already is not made again. Takes half an hour.
+// already is not made again. Takes ten minutes.
 
 #include "scenes.hpp"
 

@@ -5,7 +5,7 @@
 #     sh bench/run.sh local [--out DIR] [options of Google Benchmark]   local solvers, 3 minutes;
 #         CXXFLAGS=-march=native before it, in a new build folder: with AVX-512, batches of 8
 #     sh bench/run.sh global [--out DIR]                                global solvers, 4 minutes
-#     sh bench/run.sh profile [--out DIR] [NAME...]                     global solvers on 48 problems that it records; an hour,
+#     sh bench/run.sh profile [--out DIR] [NAME...]                     global solvers on 48 problems that it records; half an hour,
 #         goes on where it was stopped; names: of some problems alone, as in record_global_problems.cpp
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 #     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
