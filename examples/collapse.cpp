@@ -508,8 +508,7 @@ int main(int argc, char** argv) {
   app.add_option(
          "--solver", options.solver,
          "sweeps-then-interior-point: accelerated sweeps, one projected step a cone, and interior "
-         "points in steps that they do not solve, with up to 12000 cones on one rank; "
-         "gauss-seidel: "
+         "points in steps that they do not solve, with up to 12000 cones; gauss-seidel: "
          "sweeps alone; gauss-seidel-secular: sweeps with exact local solutions; "
          "gauss-seidel-newton: the paper's, on the non-associated law, which may not converge")
       ->check(CLI::IsMember({"gauss-seidel", "gauss-seidel-secular", "gauss-seidel-newton",

@@ -128,4 +128,22 @@ Scene<Mixed<Dim, WithCohesion<MuOfI>>> materials() {
   return scene;
 }
 
+/// The same scene with another solver.
+template <class Solver, int Dim>
+Scene<Simulation<Dim, ConstantFriction, PolyPic, Solver>>
+with_solver(const Scene<Sim<Dim>>& scene, const typename Solver::Params& solver) {
+  Scene<Simulation<Dim, ConstantFriction, PolyPic, Solver>> other;
+  other.params.grid = scene.params.grid;
+  other.params.material = scene.params.material;
+  other.params.gravity = scene.params.gravity;
+  other.params.time_step = scene.params.time_step;
+  other.params.cfl = scene.params.cfl;
+  other.params.faces = scene.params.faces;
+  other.params.bodies = scene.params.bodies;
+  other.params.rheology = scene.params.rheology;
+  other.params.solver = solver;
+  other.particles = scene.particles;
+  return other;
+}
+
 } // namespace scenes

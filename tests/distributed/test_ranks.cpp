@@ -17,6 +17,8 @@
 #include "talus/distributed/together.hpp"
 #include "talus/distributed/vtk.hpp"
 #include "talus/io/vtk.hpp"
+#include "talus/solver/interior_point.hpp"
+#include "talus/solver/sweeps_then_interior_point.hpp"
 
 #include <doctest/doctest.h>
 #include <sys/resource.h>
@@ -182,6 +184,16 @@ TEST_CASE("ranks: an endless chute, 2-D") {
 }
 TEST_CASE("ranks: an endless chute, 3-D") {
   check_scene(scenes::chute<3>(), steps_for_ranks(30));
+}
+
+TEST_CASE("ranks: interior points, alone and after sweeps that miss") {
+  auto block = scenes::sliding_block<3>();
+  block.params.faces.lower[0].kind = block.params.faces.upper[0].kind = FaceKind::periodic;
+  block.params.faces.lower[1] = block.params.faces.upper[1] = {FaceKind::frictional, 0.3};
+  check_scene(scenes::with_solver<InteriorPoint>(block, {.tolerance = 1e-7}), 4);
+  check_scene(scenes::with_solver<SweepsThenInteriorPoint>(
+                  scenes::impact<2>(), {.tolerance = 1e-8, .max_sweeps = 10, .lagging_starts = 2}),
+              10);
 }
 
 TEST_CASE("ranks: sand comes in and goes out") {

@@ -2,11 +2,11 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/bytes_of.hpp"
 #include "talus/core/communicator.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
-#include "talus/distributed/bytes_of.hpp"
 #include "talus/distributed/ranks.hpp"
 #include "talus/distributed/together.hpp"
 #include "talus/dual/colouring.hpp"

@@ -2,12 +2,12 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/bytes_of.hpp"
 #include "talus/core/communicator.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/halo.hpp"
 #include "talus/core/types.hpp"
-#include "talus/distributed/bytes_of.hpp"
 #include "talus/distributed/partition.hpp"
 #include "talus/distributed/window_halo.hpp"
 #include "talus/dual/colouring.hpp"
@@ -276,14 +276,8 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     for (const BodyContact<Dim>& contact : problem.body_contacts)
       put(mine, Touched{contact, grid.node_index(contact.node), problem.inverse_mass[contact.node],
                         rank()});
-    Array<Message> out;
-    for (int to = 0; to < communicator_->size(); ++to) {
-      out.emplace_back();
-      out.back().rank = to;
-      out.back().bytes = mine;
-    }
     Array<Touched> all;
-    for (const Message& message : communicator_->deliver(out))
+    for (const Message& message : told_to_all(mine, *communicator_))
       for (Taker taker(message.bytes); !taker.at_end();)
         all.push_back(taker.template take<Touched>());
     std::sort(all.begin(), all.end(), [](const Touched& a, const Touched& b) {

@@ -2,13 +2,13 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/bytes_of.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/strain_rate.hpp"
-#include "talus/distributed/bytes_of.hpp"
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/bytes_of.hpp"
 #include "talus/core/communicator.hpp"
-#include "talus/distributed/bytes_of.hpp"
 
 #include <cstdint>
 #include <exception>

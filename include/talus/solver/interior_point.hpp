@@ -3,12 +3,14 @@
 
 #include "talus/cone/jordan.hpp"
 #include "talus/core/array.hpp"
+#include "talus/core/communicator.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/dual/residual.hpp"
 #include "talus/dual/sparse_problem.hpp"
+#include "talus/dual/whole_problem.hpp"
 #include "talus/solver/solver.hpp"
 
 #include <Eigen/OrderingMethods>
@@ -276,7 +278,7 @@ class CentralPath {
 /// Interior-point method for the whole problem, to residuals that sweeps do not reach: Newton steps
 /// along the central path (detail::CentralPath) with Mehrotra's corrector, on the non-associated
 /// law itself. Each iteration factorises a sparse matrix of all velocities, on one thread, so it is
-/// for problems of some thousand cones, in 2-D above all, and for one rank.
+/// for problems of some thousand cones, in 2-D above all.
 ///
 /// The path of Coulomb's law has folds where much friction jams the medium; Newton's method stalls
 /// beyond them, where the determinant is negative. There the next steps are made with |γ_T| lagged,
@@ -312,18 +314,18 @@ class InteriorPoint {
 
   const Params& params() const { return params_; }
 
-  /// Throws std::invalid_argument with several ranks: the factors are of the whole matrix.
-  static void require_one_rank(const Execution& execution) {
-    if (const std::size_t ranks = execution.sum(std::size_t{1}); ranks > 1)
-      throw_invalid("the number of ranks with InteriorPoint", ranks, "1");
-  }
-
-  /// Leaves the best point of all iterations. Throws std::invalid_argument with several ranks.
+  /// Leaves the best point of all iterations. Several ranks each solve the whole problem, to the
+  /// same bits.
   template <int Dim>
   SolveReport solve(DualProblem<Dim>& problem, Workspace<Dim>& workspace,
                     const Execution& execution) const {
+    if (const Communicator* const ranks = execution.communicator(); ranks && ranks->size() > 1) {
+      DualProblem<Dim> whole = gathered(problem, *ranks);
+      const SolveReport report = solve(whole, workspace, Execution(execution.threads()));
+      give_part(whole, problem);
+      return report;
+    }
     const auto start = std::chrono::steady_clock::now();
-    require_one_rank(execution);
     const Stencil<Dim> stencil(problem.grid);
     workspace.inverse_scale.resize(problem.cones());
     for (std::size_t i = 0; i < problem.cones(); ++i) {

@@ -18,7 +18,7 @@ namespace talus {
 /// Sweeps of GaussSeidel<>, and where they do not reach the tolerance, from what they left: as many
 /// sweeps with LaggingSlipStep, started over several times so that the slip catches up, and where
 /// those miss it, too, InteriorPoint from the best so far. As cheap as sweeps alone in the steps
-/// that those solve, and bit for bit the same. With several ranks it is without interior points.
+/// that those solve, and bit for bit the same.
 class SweepsThenInteriorPoint {
  public:
   struct Params {
@@ -27,8 +27,8 @@ class SweepsThenInteriorPoint {
     double extrapolation = 0.9; ///< of the sweeps
     int lagging_starts = 8;     ///< of sweeps with LaggingSlipStep; 0: without them
     int max_iterations = 100;   ///< of InteriorPoint, which takes 10 to 40 where it arrives
-    /// Of problems that interior points may have, whose factors fill: 10 600 cones in 3-D take 1 GB
-    /// and 4 s an iteration. 0: never.
+    /// Of problems, on all ranks, that interior points may have: 10 600 cones in 3-D take 1 GB
+    /// (each rank) and 5 s an iteration. 0: never.
     std::size_t max_cones = 12000;
   };
   template <int Dim>
@@ -86,7 +86,7 @@ class SweepsThenInteriorPoint {
       best.seconds = last.seconds;
       last = best;
     }
-    if (execution.sum(std::size_t{1}) == 1 && problem.cones() <= params_.max_cones)
+    if (execution.sum(problem.cones()) <= params_.max_cones)
       add(interior_point_.solve(problem, workspace.interior_point, execution));
     return last;
   }

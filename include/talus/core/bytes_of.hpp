@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstring>
 
-namespace talus::distributed {
+namespace talus {
 
 /// Appends the bytes of numbers to a message: Eigen's fixed-size matrices, indices, structs of
 /// those. All ranks are taken to have the same representation of numbers.
@@ -39,4 +39,4 @@ class Taker {
   std::size_t at_ = 0;
 };
 
-} // namespace talus::distributed
+} // namespace talus
