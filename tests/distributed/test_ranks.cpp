@@ -190,6 +190,7 @@ TEST_CASE("ranks: interior points, alone and after sweeps that miss") {
   auto block = scenes::sliding_block<3>();
   block.params.faces.lower[0].kind = block.params.faces.upper[0].kind = FaceKind::periodic;
   block.params.faces.lower[1] = block.params.faces.upper[1] = {FaceKind::frictional, 0.3};
+  block.params.faces.lower[2] = {FaceKind::frictional, 0.1}; // two contacts at an edge
   check_scene(scenes::with_solver<InteriorPoint>(block, {.tolerance = 1e-7}), 4);
   check_scene(scenes::with_solver<SweepsThenInteriorPoint>(
                   scenes::impact<2>(), {.tolerance = 1e-8, .max_sweeps = 10, .lagging_starts = 2}),
