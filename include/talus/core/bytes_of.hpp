@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/core/array.hpp"
+#include "talus/core/communicator.hpp"
 
 #include <cstddef>
 #include <cstring>
@@ -38,5 +39,16 @@ class Taker {
   const Array<char>& bytes_;
   std::size_t at_ = 0;
 };
+
+/// What each rank tells all, in the order of the ranks. Collective.
+inline Array<Message> told_to_all(const Array<char>& mine, const Communicator& communicator) {
+  Array<Message> out;
+  for (int to = 0; to < communicator.size(); ++to) {
+    out.emplace_back();
+    out.back().rank = to;
+    out.back().bytes = mine;
+  }
+  return communicator.deliver(out);
+}
 
 } // namespace talus

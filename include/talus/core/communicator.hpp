@@ -41,15 +41,4 @@ class Communicator {
   virtual Array<Message> deliver(const Array<Message>& out) const = 0;
 };
 
-/// What each rank tells all, in the order of the ranks. Collective.
-inline Array<Message> told_to_all(const Array<char>& mine, const Communicator& communicator) {
-  Array<Message> out;
-  for (int to = 0; to < communicator.size(); ++to) {
-    out.emplace_back();
-    out.back().rank = to;
-    out.back().bytes = mine;
-  }
-  return communicator.deliver(out);
-}
-
 } // namespace talus
