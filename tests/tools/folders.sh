@@ -93,10 +93,12 @@ measured leans rest_time_s | awk '{ exit !($1 > 0.55 && $1 < 0.65) }' ||
 
 # Two programs in one folder: the second is refused at once, and the first one's files are whole.
 started both --end-time 3 # some seconds
+kill -STOP $process # or it is done before the others have started on a busy machine
 refused 'no other program writes to' collapse --case B00 --out both
 refused 'no other program writes to' collapse --end-time 3 --out both --resume
 refused 'no other program writes to' collapse --end-time 3 --out both --overwrite
 refused "process $process" "$programs/rheology_comparison" --end-time 0.02 --out both
+kill -CONT $process
 
 # A terminal that is closed, and what batch systems send: the run saves, as with SIGTERM.
 for signal in HUP XCPU USR1 USR2 TERM; do
