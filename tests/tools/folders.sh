@@ -88,7 +88,7 @@ measured short end_time_s | awk '{ exit !($1 > 0.297) }' || fail "ended at $(mea
 # one takes grains along, and leaves the highest one later.
 collapse --case B00 --inclination -75 --friction 0.5 --wall-friction 0.9 --gate-friction 0 --bed-depth 0 \
   --column-length 0.06 --column-height 0.3 --height 0.4 --length 0.3 --out leans
-measured leans rest_time_s | awk '{ exit !($1 > 0.55 && $1 < 0.65) }' ||
+measured leans rest_time_s | awk '{ exit !($1 > 0.556 && $1 < 0.62) }' ||
   fail "rest time $(measured leans rest_time_s) s; the gate leaves the highest grain after 0.556 s"
 
 # Two programs in one folder: the second is refused at once, and the first one's files are whole.

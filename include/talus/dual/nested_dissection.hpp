@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
-#include "talus/core/array.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/types.hpp"
 

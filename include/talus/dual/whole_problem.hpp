@@ -62,7 +62,7 @@ DualProblem<Dim> gathered(const DualProblem<Dim>& part, const Communicator& comm
     put(cones,
         Cone{window.node_index(part.node[i]), part.gradient_weights[i], part.free_volume_rate[i],
              part.opening[i], part.node_volume[i], part.stress_impulse[i]});
-  for (Contact<Dim> contact : part.contacts) {
+  for (const Contact<Dim>& contact : part.contacts) {
     put(contacts, window.node_index(contact.node));
     put(contacts, contact);
   }
