@@ -174,7 +174,7 @@ TEST_CASE("a heavy ball falls freely and keeps turning") {
   CHECK(sim.body_wrench(0).force.norm() == 0);
 }
 
-TEST_CASE("a free top keeps its angular momentum, about all axes of inertia") {
+TEST_CASE("a free top keeps its angular momentum and its energy, about all axes of inertia") {
   auto params = scenes::box<3>({1, 1, 1}, {10, 10, 10}, 0, 0.44);
   params.gravity.setZero();
   auto block = block_body<3>(Vec<3>(0.5, 0.5, 0.6), Vec<3>(0.3, 0.45, 0.6), 1000, 0.3);
@@ -185,13 +185,17 @@ TEST_CASE("a free top keeps its angular momentum, about all axes of inertia") {
     const RigidState<3>& s = sim.bodies()[0];
     return Vec<3>(s.rotation * block.inertia * s.rotation.transpose() * s.angular_velocity);
   };
+  const auto energy = [&] { return momentum().dot(sim.bodies()[0].angular_velocity) / 2; };
   const Vec<3> before = momentum();
-  double least = 1;
+  const double energy_before = energy();
+  double least = 1, error = 0;
   for (int n = 0; n < 1000; ++n) {
     CHECK(sim.step().completed());
     least = std::min(least, sim.bodies()[0].rotation(1, 1));
+    error = std::max(error, std::abs(energy() / energy_before - 1));
   }
   CHECK(least < 0); // it has turned over
+  CHECK(error < 1e-4);
   CHECK((momentum() - before).norm() < 1e-11 * before.norm());
   CHECK((sim.bodies()[0].rotation * sim.bodies()[0].rotation.transpose() - Mat<3>::Identity())
             .norm() < 1e-13);
