@@ -838,8 +838,10 @@ class Simulation {
   /// Sources and sinks at the end of the step, at the time `end` (s).
   void exchange(double end, StepReport& report) {
     Turnover turnover;
+    const std::size_t first_id = state_.particles.next_id;
     torn_ = true;
     params_.exchange->exchange(state_.time, end, execution_, state_.particles, turnover);
+    check_added(state_.particles, first_id, grid_);
     check_materials(state_.particles, materials());
     torn_ = false;
     execution_.join(&turnover.inflow, 1);

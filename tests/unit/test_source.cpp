@@ -23,6 +23,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <memory>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -492,6 +493,37 @@ TEST_CASE("what add refuses, and remove's predicate throws, changes nothing") {
   CHECK_THROWS_AS(other.add(sand), std::invalid_argument);
   other.restore(state);
   CHECK(other.step().completed());
+}
+
+namespace {
+
+/// Adds one particle a step.
+class Drip final : public Exchange<2> {
+ public:
+  explicit Drip(const Vec<2>& x, double volume = 1e-6) : x_(x), volume_(volume) {}
+  void exchange(double, double, const Execution&, Particles<2>& particles,
+                Turnover& turnover) const override {
+    particles.add(x_, {0, 0}, volume_);
+    ++turnover.added;
+  }
+
+ private:
+  Vec<2> x_;
+  double volume_;
+};
+
+} // namespace
+
+TEST_CASE("an exchange of one's own: what it adds wrongly is named") {
+  const auto message = [&](const Vec<2>& x, double volume) {
+    auto params = box<2>();
+    params.exchange = std::make_shared<Drip>(x, volume);
+    Sim<2> sim(params, Particles<2>());
+    return message_of<std::invalid_argument>([&] { static_cast<void>(sim.step()); });
+  };
+  CHECK(message({0.1, 0.1}, 1e-6) == "(nothing thrown)");
+  CHECK(contains(message({0.1, 0.3}, 1e-6), "a particle's coordinate is 0.3"));
+  CHECK(contains(message({0.1, 0.1}, -1e-6), "a particle's volume is -1e-06"));
 }
 
 } // namespace test_source

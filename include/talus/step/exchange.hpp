@@ -32,8 +32,10 @@ class Exchange {
   /// checkpoint gives the same bits.
   ///
   /// from, to: times of the step's start and end, s; the next step starts at `to`, to the last bit.
-  /// particles: after they have moved. With several ranks each has its part of them, all call this,
-  /// and new ones may be added on any rank; next_id must grow by the same number on all.
+  /// particles: after they have moved; the simulation refuses new ones that are not in the box or
+  /// have no positive volume, and must be restored then. With several ranks each has its part of
+  /// them, all call this, and new ones may be added on any rank; next_id must grow by the same
+  /// number on all.
   virtual void exchange(double from, double to, const Execution& execution,
                         Particles<Dim, Real>& particles, Turnover& turnover) const = 0;
 

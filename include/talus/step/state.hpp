@@ -69,10 +69,34 @@ void check_materials(const Particles<Dim, Real>& particles, int materials) {
                                         : std::to_string(materials) + " materials"));
 }
 
-/// Throws std::invalid_argument if a particle is outside the box, has no positive volume, a number
-/// that is not finite or the id of another. None at all is fine: a box may start empty, and empty.
+/// Throws std::invalid_argument if particle p is outside the box, has no positive volume or a
+/// number that is not finite.
 template <int Dim, class Real>
-void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& grid) {
+void check_particle(const Particles<Dim, Real>& particles, std::size_t p, const Grid<Dim>& grid) {
+  const Vec<Dim> lower = grid.origin(), upper = grid.upper();
+  require_positive("a particle's volume", particles.volume[p]);
+  for (int a = 0; a < Dim; ++a) {
+    require_finite("a particle's velocity", particles.velocity[p][a]);
+    const double x = particles.position[p][a];
+    if (!(x >= lower[a] && x <= upper[a])) {
+      char beyond[32]; // rounding would not be seen in the coordinate itself
+      *std::to_chars(beyond, beyond + sizeof beyond - 1, std::max(lower[a] - x, x - upper[a]),
+                     std::chars_format::scientific, 1)
+           .ptr = '\0';
+      throw_invalid("a particle's coordinate", x,
+                    std::string("a position in the box of the grid; it is ") + beyond +
+                        " m outside");
+    }
+    for (int b = 0; b < Dim; ++b)
+      require_finite("a particle's affine matrix", particles.affine[p](a, b));
+    for (int b = 0; !particles.mixed.empty() && b < particles.mixed[p].cols(); ++b)
+      require_finite("a particle's mixed derivative", particles.mixed[p](a, b));
+  }
+}
+
+/// Throws std::invalid_argument if the arrays of the particles differ in size.
+template <int Dim, class Real>
+void check_sizes(const Particles<Dim, Real>& particles) {
   const auto check_size = [&](const char* name, std::size_t size) {
     if (size != particles.size())
       throw_invalid(std::string("the number of the particles' ") + name, size,
@@ -86,28 +110,26 @@ void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& gri
   if (!particles.material.empty())
     check_size("materials", particles.material.size());
   check_size("ids", particles.id.size());
+}
+
+/// Throws as check_particle, or if the arrays differ in size or two particles have one id. None at
+/// all is fine: a box may start empty, and empty.
+template <int Dim, class Real>
+void check_particles(const Particles<Dim, Real>& particles, const Grid<Dim>& grid) {
+  check_sizes(particles);
   check_ids(particles);
-  const Vec<Dim> lower = grid.origin(), upper = grid.upper();
-  for (std::size_t p = 0; p < particles.size(); ++p) {
-    require_positive("a particle's volume", particles.volume[p]);
-    for (int a = 0; a < Dim; ++a) {
-      require_finite("a particle's velocity", particles.velocity[p][a]);
-      const double x = particles.position[p][a];
-      if (!(x >= lower[a] && x <= upper[a])) {
-        char beyond[32]; // rounding would not be seen in the coordinate itself
-        *std::to_chars(beyond, beyond + sizeof beyond - 1, std::max(lower[a] - x, x - upper[a]),
-                       std::chars_format::scientific, 1)
-             .ptr = '\0';
-        throw_invalid("a particle's coordinate", x,
-                      std::string("a position in the box of the grid; it is ") + beyond +
-                          " m outside");
-      }
-      for (int b = 0; b < Dim; ++b)
-        require_finite("a particle's affine matrix", particles.affine[p](a, b));
-      for (int b = 0; !particles.mixed.empty() && b < particles.mixed[p].cols(); ++b)
-        require_finite("a particle's mixed derivative", particles.mixed[p](a, b));
-    }
-  }
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    check_particle(particles, p, grid);
+}
+
+/// Throws as check_particles, but for ids, of the particles whose id is `first_id` or above.
+template <int Dim, class Real>
+void check_added(const Particles<Dim, Real>& particles, std::size_t first_id,
+                 const Grid<Dim>& grid) {
+  check_sizes(particles);
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    if (particles.id[p] >= first_id)
+      check_particle(particles, p, grid);
 }
 
 /// Throws std::invalid_argument if a particle is refused or the state does not fit the boundaries.
