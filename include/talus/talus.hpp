@@ -27,6 +27,7 @@
 #include "talus/core/grid.hpp"
 #include "talus/core/rigid_motion.hpp"
 #include "talus/core/small_vectors.hpp"
+#include "talus/core/streaming.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/core/symmetric_eigen.hpp"
 #include "talus/core/types.hpp"

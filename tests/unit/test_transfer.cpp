@@ -3,7 +3,9 @@
 
 #include "../support/nodes.hpp"
 
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/streaming.hpp"
 #include "talus/packing.hpp"
 #include "talus/scene/fill.hpp"
 #include "talus/transfer/cell_moments.hpp"
@@ -20,6 +22,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <vector>
 
@@ -458,6 +461,39 @@ double round_trip_loss(Transfer transfer, double time_step) {
   return std::sqrt(lost / all);
 }
 
+/// Particles of a random field, those with an id that leaves no rest among `share`, get the fields
+/// of random nodes. Returns them in the order of their ids.
+template <class Real>
+Particles<3, Real> after_transfer(std::size_t count, std::size_t share) {
+  GridParams<3> params;
+  params.size = Vec<3>::Ones();
+  params.cells = {8, 8, 8};
+  const Grid<3> grid(params);
+  Random random(7);
+  const auto draw = [&] { return Vec<3>(random.uniform(), random.uniform(), random.uniform()); };
+  Particles<3, Real> particles;
+  for (std::size_t p = 0; p < count; ++p)
+    if (const Vec<3> x = draw(); p % share == 0)
+      particles.add(x, Vec<3>::Zero(), 1e-6);
+  particles.resize_mixed(particles.size());
+  Array<NodeVec<3>> u(static_cast<std::size_t>(grid.node_count()), NodeVec<3>::Zero());
+  for (NodeVec<3>& v : u)
+    v.template head<3>() = draw();
+  const Array<double> divergence(u.size(), 0.1);
+  const Execution execution(2);
+  CellOrder<3> order;
+  order.update(particles, grid, execution);
+  Array<CellMoments<3>> moments(static_cast<std::size_t>(grid.cell_count()));
+  PolyPic transfer;
+  transfer.prepare({1e-3, 30});
+  grid_to_particles(particles, order, grid, transfer, u, u, divergence, moments, 1e-3,
+                    Vec<3>(grid.origin()), grid.upper(), execution);
+  Particles<3, Real> sorted = particles;
+  for (std::size_t p = 0; p < particles.size(); ++p)
+    sorted.copy(particles.id[p], particles, p);
+  return sorted;
+}
+
 } // namespace
 
 TEST_CASE("cell order: each particle once, in its own cell") {
@@ -495,6 +531,19 @@ TEST_CASE("packing on both sides of dense by chance is dense") {
 TEST_CASE("grid to particles gives the same samples as sums over corners") {
   check_samples<2>();
   check_samples<3>();
+}
+
+TEST_CASE_TEMPLATE("what is written past the cache is what is written through it", Real, double,
+                   float) {
+  const std::size_t count = stream_from / (24 * sizeof(Real)) + 101; // 24 numbers a particle
+  const auto many = after_transfer<Real>(count, 1), few = after_transfer<Real>(count, 7);
+  REQUIRE(many.size() == count);
+  bool same = true;
+  for (std::size_t k = 0; k < few.size(); ++k)
+    same = same && many.velocity[7 * k] == few.velocity[k] && many.affine[7 * k] == few.affine[k] &&
+           many.mixed[7 * k] == few.mixed[k] && many.position[7 * k] == few.position[k];
+  CHECK(same);
+  CHECK(many.velocity.back().norm() > 0);
 }
 
 TEST_CASE("particles to grid keeps mass and momentum") {

@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/streaming.hpp"
 #include "talus/core/types.hpp"
 #include "talus/particles.hpp"
 #include "talus/transfer/cell_moments.hpp"
@@ -112,6 +113,15 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
       if (mixed_terms<Dim>[m] & axis_term<Dim>(a))
         per_edges[m] *= grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
   }
+  constexpr std::size_t numbers = dim * (1 + dim + mixed_count); // of a particle, written at most
+  const bool past_cache = particles.size() * numbers * sizeof(Real) > stream_from;
+  const auto put = [&]<class Value>(Value& to, const auto& from) {
+    const Value value = from.template cast<Real>();
+    if (past_cache)
+      stream(to.data(), value.data(), value.size());
+    else
+      to = value;
+  };
   constexpr std::size_t batch = particle_packs * particle_lanes;
   struct Pack {
     VecLanes<Dim> position, velocity, before;
@@ -177,15 +187,17 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
         if constexpr (multilinear)
           own.mixed = particles.mixed[p].template cast<double>();
         transfer.update(sample, own);
-        particles.velocity[p] = own.velocity.template cast<Real>();
+        put(particles.velocity[p], own.velocity);
         if constexpr (Transfer::field != ParticleField::constant)
-          particles.affine[p] = own.gradient.template cast<Real>();
+          put(particles.affine[p], own.gradient);
         if constexpr (multilinear)
-          particles.mixed[p] = own.mixed.template cast<Real>();
+          put(particles.mixed[p], own.mixed);
         Vec<Dim>& x = particles.position[p];
         x = grid.wrapped((x + time_step * sample.velocity).cwiseMax(lower).cwiseMin(upper));
       }
     }
+    if (past_cache)
+      end_stream();
   };
   for_each_filled_cell(execution, order, grid, update_cell);
 }
