@@ -229,8 +229,9 @@ TEST_CASE("energy: the budget closes, whatever there is") {
   }
   SUBCASE("bodies that turn, 3-D") {
     auto scene = scenes::impact<3>();
-    scene.params.bodies[0].inertia(0, 0) *= 2;
-    scene.params.bodies[0].start.angular_velocity = {5, 20, 0};
+    scene.params.bodies[0].inertia(0, 0) *= 2; // three that differ
+    scene.params.bodies[0].inertia(1, 1) *= 1.5;
+    scene.params.bodies[0].start.angular_velocity = {20, 40, 10};
     const EnergyRecord record = budget_of(scene, 4);
     CHECK(std::abs(record.total.turning) > 1e-9 * record.now.bodies);
   }
