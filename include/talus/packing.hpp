@@ -58,8 +58,8 @@ double dense_fraction(const Vec<Dim>& mean, const SmallArray<NodeSide, Dim>& sid
 struct Packing {
   double slack = 0.02; ///< share of a node's volume by which it may miss dense and count as dense
   /// β: what is packed denser than 1 + slack expands while it is sheared, as dense granular
-  /// materials do: Tr D = min(β (φ − 1 − slack), 1/2) |γ̇|, with |γ̇| = sqrt(2) ‖Dev D‖ of the flow
-  /// before the step.
+  /// materials do: Tr D = min(β (φ − 1 − slack), 1/2) |γ̇|, with |γ̇| = sqrt(2 Dev D : Dev D) of the
+  /// flow before the step.
   double dilatancy = 5;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;

@@ -15,9 +15,10 @@ using MixedDerivatives = Eigen::Matrix<Real, Dim, ipow(2, Dim) - 1 - Dim>;
 
 /// Material points, as a structure of arrays: entry p of each array belongs to particle p. The
 /// order changes from step to step (particles are kept in cell order); `id` stays with its
-/// particle. Real: what velocity, C and volume are kept in. float takes 84 bytes a particle in 3-D
-/// instead of 136; docs/performance.md says what that gains and loses. Positions are always double:
-/// a creeping particle moves by less than a float of a metre can tell.
+/// particle. Real: what velocity, C and volume are kept in. float takes 132 bytes a particle in 3-D
+/// instead of 232 (without `mixed` 84 instead of 136); docs/performance.md says what that gains and
+/// loses. Positions are always double: a creeping particle moves by less than a float of a metre
+/// can tell.
 template <int Dim, class Real = double>
 struct Particles {
   using Scalar = Real;

@@ -12,7 +12,7 @@ namespace talus {
 /// Particle-in-cell that loses nothing of the grid's field: a particle carries all 2^d coefficients
 /// of the multilinear velocity of its cell (polynomial PIC, Fu et al. 2017, for multilinear shape
 /// functions), so that grid → particles → grid is the identity on nodal velocities where nothing
-/// moves. Linear and angular momentum are kept as by Apic.
+/// moves. Linear and angular momentum are kept as by Apic, the latter but for b below.
 ///
 /// Some of what the grid can have no stress acts on, since stress sees the strain rate averaged
 /// around a node, and a velocity that alternates from node to node has none: that is the mixed
