@@ -73,6 +73,8 @@ class AnyTransfer {
   explicit AnyTransfer(const Params& params)
       : scheme_(std::visit([](const auto& p) { return make(p); }, params.scheme)) {}
 
+  bool replaces() const { return !std::holds_alternative<talus::Flip>(scheme_); }
+
   void prepare(const talus::TransferStep& step) {
     std::visit(
         [&](auto& scheme) {

@@ -586,6 +586,12 @@ TEST_CASE("transfer schemes update a particle as they say") {
     if constexpr (requires { transfer.prepare(step); })
       transfer.prepare(step);
     transfer.update(sample, p);
+    if constexpr (requires { transfer.replaces(); }) { // then what the particle had does not count
+      VelocityField<2> other{{-3, 7}, Mat<2>::Zero(), MixedDerivatives<2>::Zero()};
+      transfer.update(sample, other);
+      CHECK(transfer.replaces());
+      CHECK(other.velocity == p.velocity);
+    }
     return p;
   };
   const VelocityField<2> thin = updated(PolyPic({.damping = 0, .thin_damping = 4}));

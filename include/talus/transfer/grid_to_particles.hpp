@@ -113,8 +113,13 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
       if (mixed_terms<Dim>[m] & axis_term<Dim>(a))
         per_edges[m] *= grid.inverse_spacing()[static_cast<Eigen::Index>(a)];
   }
-  constexpr std::size_t numbers = dim * (1 + dim + mixed_count); // of a particle, written at most
-  const bool past_cache = particles.size() * numbers * sizeof(Real) > stream_from;
+  constexpr bool has_gradient = Transfer::field != ParticleField::constant;
+  constexpr std::size_t numbers = dim * (1 + (has_gradient ? dim : 0) + mixed_count);
+  bool replaces = false;
+  if constexpr (requires { transfer.replaces(); })
+    replaces = transfer.replaces();
+  // a line that has been read is in the cache already, and would have to be driven out
+  const bool past_cache = replaces && particles.size() * numbers * sizeof(Real) > stream_from;
   const auto put = [&]<class Value>(Value& to, const auto& from) {
     const Value value = from.template cast<Real>();
     if (past_cache)
@@ -180,15 +185,17 @@ void grid_to_particles(Particles<Dim, Real>& particles, const CellOrder<Dim>& or
         sample.divergence_error = divergence_error;
         sample.cell_fill = fill;
         const std::size_t p = order.particle(first + l);
-        VelocityField<Dim> own;
-        own.velocity = particles.velocity[p].template cast<double>();
-        if constexpr (Transfer::field != ParticleField::constant)
-          own.gradient = particles.affine[p].template cast<double>();
-        if constexpr (multilinear)
-          own.mixed = particles.mixed[p].template cast<double>();
+        VelocityField<Dim> own{Vec<Dim>::Zero(), Mat<Dim>::Zero(), MixedDerivatives<Dim>::Zero()};
+        if (!replaces) {
+          own.velocity = particles.velocity[p].template cast<double>();
+          if constexpr (has_gradient)
+            own.gradient = particles.affine[p].template cast<double>();
+          if constexpr (multilinear)
+            own.mixed = particles.mixed[p].template cast<double>();
+        }
         transfer.update(sample, own);
         put(particles.velocity[p], own.velocity);
-        if constexpr (Transfer::field != ParticleField::constant)
+        if constexpr (has_gradient)
           put(particles.affine[p], own.gradient);
         if constexpr (multilinear)
           put(particles.mixed[p], own.mixed);

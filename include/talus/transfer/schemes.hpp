@@ -31,6 +31,7 @@ struct PolyPic {
     double thin_damping = 0.2; ///< b, >= 0, in the same units
   };
   static constexpr ParticleField field = ParticleField::multilinear;
+  static constexpr bool replaces() { return true; }
   PolyPic() = default;
 
   /// Throws std::invalid_argument unless both are finite and >= 0.
@@ -68,6 +69,7 @@ struct PolyPic {
 struct Apic {
   struct Params {};
   static constexpr ParticleField field = ParticleField::affine;
+  static constexpr bool replaces() { return true; }
   Apic() = default;
   explicit Apic(const Params&) {}
 
@@ -82,6 +84,7 @@ struct Apic {
 struct Pic {
   struct Params {};
   static constexpr ParticleField field = ParticleField::constant;
+  static constexpr bool replaces() { return true; }
   Pic() = default;
   explicit Pic(const Params&) {}
 

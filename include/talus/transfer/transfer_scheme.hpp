@@ -44,6 +44,8 @@ struct TransferStep {
 ///   - `T::field`, a ParticleField: what particles carry and give to the grid;
 ///   - `t.update(sample, field)`: sets the VelocityField of a particle, which holds its old one,
 ///     from a GridSample;
+///   - if update() uses nothing of the old field, `t.replaces()` → true: the field is zero then
+///     before the call, and is not read, which saves time;
 ///   - if it has rates, `t.prepare(step)`, called with a TransferStep before the updates of a step.
 /// Models: PolyPic (default: loses nothing of what the grid has), Apic (keeps linear and
 /// angular momentum, damps mixed derivatives in each step), Pic (most dissipative), Flip (blend of
