@@ -94,6 +94,40 @@ double sliding_friction(double mu, bool on_face) {
   return force[0] / -force[up];
 }
 
+/// A smooth wall is pushed into sand 0.1 m deep on a smooth floor, or drawn away from it (speed <
+/// 0, m/s): mean force on it from 0.1 to 0.2 s over that of a liquid.
+double earth_pressure(double mu, double speed, int cells_up) {
+  constexpr double depth = 0.1, length = 0.4, wall = 0.1, density = 1500, g = 9.81;
+  const double h = depth / cells_up;
+  const auto cells = [&](double size) { return static_cast<int>(std::lround(size / h)); };
+  auto params =
+      scenes::box<2>({wall + length, 0, 2 * depth}, {cells(wall + length), 1, 2 * cells_up}, 0, mu);
+  params.faces.lower[1].kind = FaceKind::free_slip;
+  params.time_step = 0.05 * std::sqrt(h / g);
+  params.packing.even = true; // noise would take friction from what moves so slowly
+  const RigidMotion<2> motion = [=](double time) {
+    RigidState<2> state;
+    state.position[0] = wall + speed * time;
+    state.velocity[0] = speed;
+    return state;
+  };
+  add_obstacle<2>(params, shapes::HalfSpace<2>(Vec<2>::Zero(), Vec<2>::UnitX()), 0, motion);
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {wall, 0}, {wall + length, depth}, {.per_axis = 4});
+  scenes::Sim<2> sim(params, sand);
+  double impulse = 0, liquid = 0;
+  while (sim.time() < 0.2) {
+    const StepReport report = sim.step();
+    CHECK(report.solve.status == SolveStatus::converged);
+    if (sim.time() < 0.1)
+      continue;
+    const double deep = depth * length / (length - speed * sim.time());
+    impulse -= sim.obstacle_wrench(0).force[0] * report.time_step;
+    liquid += density * g * deep * deep / 2 * report.time_step;
+  }
+  return impulse / liquid;
+}
+
 } // namespace
 
 TEST_CASE("a sliding slab: friction force over normal force is the wall's coefficient") {
@@ -117,6 +151,17 @@ TEST_CASE("faces and obstacles feel the weight at rest, and hydrostatic pressure
   const auto& side = liquid.face_wrench(0, true);
   CHECK(std::abs(side.torque_about({0.2, 0.2 / 3})[0]) < 0.03 * 0.2 * pressure * 0.2);
   CHECK(side.torque[0] == support::about(-side.force[0] * 0.2 / 3, 0.1));
+}
+
+// Rankine's earth pressures. Material that keeps its volume yields on planes where tau = mu sigma
+// (K_p = tan²(45° + atan(mu)/2)) or everywhere (K_p = (1 + mu)/(1 − mu)); K_a = 1/K_p. These are
+// 1.488 and 1.5 for mu = 0.2.
+TEST_CASE("a smooth wall that is pushed into sand or gives way bears Rankine's pressures") {
+  for (const int cells : {5, 10}) {
+    CAPTURE(cells);
+    CHECK(earth_pressure(0.2, 0.01, cells) == support::about(1.494, 0.03));
+    CHECK(earth_pressure(0.2, -0.01, cells) == support::about(1 / 1.494, 0.03));
+  }
 }
 
 TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
