@@ -65,7 +65,8 @@ struct Packing {
   bool surfaces = true;
   /// For flows that are sheared by many times their height: stress acts on full cells evenly
   /// (even_volume), a node in the midst of dense material makes room only if its neighbours agree,
-  /// and particles there even out at `shifting` per unit of strain (shift_particles).
+  /// and particles there even out at `shifting` per unit of strain (shift_particles), what differs
+  /// by up to `slack` from node to node.
   bool even = false;
   double shifting = 3;
   /// A scene whose particles fill some 3^d cells more than so many times is refused, see

@@ -230,9 +230,8 @@ class Simulation {
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
-      report.viscous =
-          viscous_solver_.solve(problem_, fields_.material_volume, rheology_.viscosity(),
-                                params_.viscous, state_.time_step, execution_);
+      report.viscous = viscous_solver_.solve(problem_, fields_.stress_volume, rheology_.viscosity(),
+                                             params_.viscous, state_.time_step, execution_);
     add_cohesion_shift(rheology_, problem_, state_.time_step, fields_.volume_by_material.data());
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();
@@ -424,9 +423,11 @@ class Simulation {
   /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
     require_step("stress");
-    const Vec<cone_size>& impulse = state_.stress_impulse[node_number(node)];
-    return std::min(1.0, volume_fraction(node)) / state_.time_step *
-           vector_to_symmetric<Dim, double>(impulse);
+    const int j = node_number(node);
+    const double share =
+        fields_.stress_volume[j] / (fields_.open_fraction[j] * grid_.node_volume(node));
+    return std::min(1.0, share) / state_.time_step *
+           vector_to_symmetric<Dim, double>(state_.stress_impulse[j]);
   }
   /// p_i = −Tr σ_i / d, Pa.
   double pressure(const Index<Dim>& node) const { return stress(node).trace() / Dim; }
@@ -636,6 +637,7 @@ class Simulation {
       work_.cone[j] = -1;
       work_.excess[j] = not_inside;
       work_.divergence[j] = 0;
+      fields_.stress_volume[j] = 0;
       if (carries(j))
         problem_.inverse_mass[j].template head<Dim>().setConstant(1 / node_mass(j));
       else
@@ -656,6 +658,7 @@ class Simulation {
     const Room<Dim> room{params_.faces,    params_.packing, surfaces, stencil_,
                          state_.time_step, fields_,         work_,    problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
+    problem_.copies.copy(fields_.stress_volume, execution_);
     if (params_.packing.even) {
       problem_.copies.copy(work_.excess, execution_);
       problem_.copies.copy(work_.strain, execution_);
@@ -668,7 +671,8 @@ class Simulation {
     const int j = problem_.node[i];
     const Index<Dim> index = grid_.node_index(j);
     const Vec<Dim> first_moment =
-        gather_coupling(grid_, index, work_.order, work_.moments, problem_.gradient_weights[i]);
+        gather_coupling(grid_, index, work_.order, work_.moments, problem_.gradient_weights[i],
+                        fields_.stress_volume[j]);
     fields_.open_fraction[j] = solids_.look(boundaries(), i, grid_.node_position(index));
     problem_.node_volume[i] = fields_.open_fraction[j] * grid_.node_volume(index);
     problem_.stress_impulse[i] = ratio * state_.stress_impulse[j];
@@ -685,8 +689,8 @@ class Simulation {
   double friction(std::size_t i) {
     const int j = problem_.node[i];
     if constexpr (OfMaterials<RheologyT> || SeesFlow<RheologyT, Dim>) {
-      FlowState<Dim> flow =
-          cone_flow(problem_, stencil_, i, fields_.material_volume[j], state_.time_step);
+      FlowState<Dim> flow = cone_flow(problem_, stencil_, i, fields_.material_volume[j],
+                                      fields_.stress_volume[j], state_.time_step);
       flow.position = grid_.node_position(j);
       const bool dense = problem_.free_volume_rate[i] <= 0;
       FlowFriction found;
@@ -699,7 +703,7 @@ class Simulation {
     } else {
       if constexpr (RheologyT::rate_dependent)
         fields_.inertial_number[j] = cone_inertial_number(
-            rheology_, problem_, stencil_, i, fields_.material_volume[j], state_.time_step);
+            rheology_, problem_, stencil_, i, fields_.stress_volume[j], state_.time_step);
       return cone_friction<Dim>(rheology_.friction(fields_.inertial_number[j]));
     }
   }
@@ -801,7 +805,7 @@ class Simulation {
         // Tr D = d · mean of what normal_from_mean made the normal component
         work_.divergence[j] =
             Dim * mean_from_normal<Dim>(integrated_strain_rate(problem_, stencil_, i)[0]) /
-            fields_.material_volume[j];
+            fields_.stress_volume[j];
       });
     problem_.copies.copy(work_.divergence, execution_);
     talus::grid_to_particles(state_.particles, work_.order, grid_, transfer_, problem_.velocity,
@@ -817,7 +821,7 @@ class Simulation {
       params_.ranks->migrate(state_.particles);
     const auto [lower, upper] = particle_bounds(params_.faces, grid_);
     shift_particles(state_.particles, grid_, work_.excess, work_.strain, params_.packing.shifting,
-                    lower, upper, execution_);
+                    params_.packing.slack, lower, upper, execution_);
     observe(StepStage::shifted);
   }
 

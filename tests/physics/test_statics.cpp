@@ -116,4 +116,32 @@ TEST_CASE("a bed of jittered particles comes to rest, which it does not by the p
   CHECK(speed(Apic(), {.slack = 0, .dilatancy = 0, .surfaces = false}) > 4e-4);
 }
 
+TEST_CASE("with even packing stresses are the weight above, wherever the particles lie") {
+  constexpr double height = 0.1, width = 0.2, weight = 1500 * 9.81; // of a volume, N/m³
+  auto params = scenes::box<2>({width, 0, 0.13}, {20, 1, 26}, 0, 0.44);
+  params.packing.even = true;
+  Particles<2> particles;
+  fill_box<2>(particles, Grid<2>(params.grid), {0, 0}, {width, height},
+              {.per_axis = 4, .jitter = 0.5});
+  scenes::Sim<2> sim(params, particles);
+  while (sim.time() < 0.5)
+    REQUIRE(sim.step().completed());
+  CHECK(largest_speed(sim) < 1e-4); // m/s
+  const double h = sim.grid().spacing()[1];
+  double mean = 0;
+  constexpr int rows = 16;
+  for (int k = 1; k <= rows; ++k) {
+    double above = 0; // of the row, with a hat's integral as weight, m
+    for (std::size_t p = 0; p < sim.particles().size(); ++p) {
+      const double z = std::clamp(sim.particles().position[p][1] / h - k, -1.0, 1.0);
+      const double share = z < 0 ? (1 + z) * (1 + z) / 2 : 1 - (1 - z) * (1 - z) / 2;
+      above += sim.particles().volume[p] * share / width;
+    }
+    const double stress = nodes::mean_vertical_stress(sim, k, [](const Index<2>&) {});
+    CHECK(stress == support::about(weight * above, 0.01));
+    mean += stress / (weight * above) / rows;
+  }
+  CHECK(mean == support::about(1, 0.002));
+}
+
 } // namespace test_statics

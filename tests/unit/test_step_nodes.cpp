@@ -86,6 +86,7 @@ struct RoomAtNode : Scene<Dim> {
   double set(double fraction, double strain = 0, const Vec<Dim>& mean = Vec<Dim>::Zero()) {
     const double material = fraction * this->problem.node_volume[0];
     this->fields.material_volume[middle] = material;
+    this->fields.stress_volume[middle] = material;
     this->shear(0, strain * material / 0.5); // |γ̇| δt = 2 (weight/2)/material δt
     room().set(0, this->index(2, 2), material * mean);
     return room_now();

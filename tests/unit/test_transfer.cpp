@@ -263,9 +263,10 @@ void check_shifting() {
       strains[static_cast<std::size_t>(node)] = strain;
     });
   };
-  const auto shifted = [&](double rate) {
+  const auto shifted = [&](double rate, double steepest = 1) {
     Particles<Dim> after = particles;
-    shift_particles(after, grid, excess, strains, rate, grid.origin(), grid.upper(), Execution());
+    shift_particles(after, grid, excess, strains, rate, steepest, grid.origin(), grid.upper(),
+                    Execution());
     return after;
   };
   set(0, 0.01);
@@ -276,16 +277,18 @@ void check_shifting() {
   after = shifted(3);
   for (std::size_t p = 0; p < after.size(); ++p) // not sheared
     CHECK(after.position[p] == particles.position[p]);
-  for (const double strain : {0.01, 1.0}) { // and the bound
-    set(0.2, strain);
-    after = shifted(3);
-    const double by = std::min(0.1, 3 * strain) * 0.2 / 16; // h² ∂φ
+  for (const double strain : {0.01, 1.0, 2.0}) { // and the bounds: of the share and of h ∂φ
+    const double slope = strain > 1 ? -0.2 : 0.2, steepest = strain > 1 ? 0.02 : 1;
+    set(slope, strain);
+    after = shifted(3, steepest);
+    const double by =
+        std::min(0.1, 3 * strain) * std::clamp(slope / 4, -steepest, steepest) / 4; // h² ∂φ
     std::size_t inside = 0;
     for (std::size_t p = 0; p < after.size(); ++p) {
       const Vec<Dim> x = particles.position[p];
       Vec<Dim> expected = x;
       if (x[Dim - 1] < 0.5) {
-        expected[0] = std::max(0.0, x[0] - by);
+        expected[0] = std::clamp(x[0] - by, 0.0, 1.0);
         ++inside;
       }
       CHECK((after.position[p] - expected).norm() < 1e-14);

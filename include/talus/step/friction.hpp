@@ -126,14 +126,16 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
 }
 
 /// What a law sees of cone i, but for the place, from the velocities and the stress λ (not λ') that
-/// the problem has. material_volume: Σ V_p N_i of its node, m^d; time_step: δt, s.
+/// the problem has. Of its node, m^d: material_volume Σ V_p N_i, stress_volume what stress acts on.
+/// time_step: δt, s.
 template <int Dim>
 FlowState<Dim> cone_flow(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
-                         std::size_t i, double material_volume, double time_step) {
+                         std::size_t i, double material_volume, double stress_volume,
+                         double time_step) {
   FlowState<Dim> flow;
-  flow.strain_rate = integrated_strain_rate(problem, stencil, i).norm() / material_volume;
+  flow.strain_rate = integrated_strain_rate(problem, stencil, i).norm() / stress_volume;
   flow.volume_fraction = material_volume / problem.node_volume[i];
-  const double share = std::min(1.0, flow.volume_fraction);
+  const double share = std::min(1.0, stress_volume / problem.node_volume[i]);
   flow.pressure = share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
   return flow;
 }
@@ -147,12 +149,12 @@ double flow_inertial_number(const R& law, const FlowState<Dim>& flow, double coh
   return law.inertial_number()(flow.strain_rate, pressure);
 }
 
-/// I_i of cone i; see cone_flow.
+/// I_i of cone i; see cone_flow. volume: that stress acts on.
 template <Rheology R, int Dim>
 double cone_inertial_number(const R& rheology, const DualProblem<Dim>& problem,
-                            const Stencil<Dim>& stencil, std::size_t i, double material_volume,
+                            const Stencil<Dim>& stencil, std::size_t i, double volume,
                             double time_step) {
-  return flow_inertial_number(rheology, cone_flow(problem, stencil, i, material_volume, time_step),
+  return flow_inertial_number(rheology, cone_flow(problem, stencil, i, volume, volume, time_step),
                               cone_cohesion(rheology, problem, i));
 }
 

@@ -18,19 +18,22 @@ namespace talus {
 struct NodeFields {
   void start(std::size_t nodes) {
     material_volume.assign(nodes, 0);
+    stress_volume.assign(nodes, 0);
     open_fraction.assign(nodes, 1);
     inertial_number.assign(nodes, 0);
   }
 
   void swap(NodeFields& other) noexcept {
     material_volume.swap(other.material_volume);
+    stress_volume.swap(other.stress_volume);
     open_fraction.swap(other.open_fraction);
     inertial_number.swap(other.inertial_number);
     mass.swap(other.mass);
     volume_by_material.swap(other.volume_by_material);
   }
 
-  Array<double> material_volume; ///< Σ V_p N_i, m^d
+  Array<double> material_volume; ///< V_i = Σ V_p N_i, m^d
+  Array<double> stress_volume;   ///< that stress acts on, m^d: V_i, or see even_volume()
   Array<double> open_fraction;   ///< of a node's volume: what no solid takes
   Array<double> inertial_number;
   // Empty if there is one material.

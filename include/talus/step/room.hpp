@@ -44,7 +44,7 @@ struct Room {
       double shear2 = 0;
       for (int k = 1; k < symmetric_size<Dim>; ++k)
         shear2 += rate[k] * rate[k];
-      strain = 2 * std::sqrt(shear2) / material * time_step; // |γ̇|² = 4 γ_T²
+      strain = 2 * std::sqrt(shear2) / fields.stress_volume[j] * time_step; // |γ̇|² = 4 γ_T²
       work.strain[j] = strain;
       if (surfaces && dense == 1 && packing.even)
         work.excess[j] = material / volume - 1;

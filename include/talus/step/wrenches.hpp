@@ -60,7 +60,8 @@ Vec<Dim> momentum_if_free(const SolvedStep<Dim>& step, int node) {
     } else if (problem.copies.halo() && !stress.isZero(0)) {
       // another rank's: of its g_ij those towards this node come from cells that are here
       const Index<Dim> index = problem.grid.owner(problem.grid.node_index(other));
-      gather_coupling(problem.grid, index, step.work.order, step.work.moments, of_other);
+      double stressed = 0; // not asked for
+      gather_coupling(problem.grid, index, step.work.order, step.work.moments, of_other, stressed);
     } else {
       continue;
     }

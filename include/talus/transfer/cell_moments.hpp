@@ -387,18 +387,21 @@ void fold_neighbours(const Grid<Dim>& grid, const Index<Dim>& index, GradientWei
   }
 }
 
-/// Sets the g_ij of a node i and returns Σ_p V_p N_i (x_p − x_i)/h by axis, m^d, from the moments
-/// of the cells around it. index: the node's.
+/// Sets the g_ij of a node i and the volume that stress acts on there, m^d, and returns
+/// Σ_p V_p N_i (x_p − x_i)/h by axis, m^d, from the moments of the cells around it. index: the
+/// node's.
 template <int Dim>
 Vec<Dim> gather_coupling(const Grid<Dim>& grid, const Index<Dim>& index,
                          const CellOrder<Dim>& order, const Array<CellMoments<Dim>>& moments,
-                         GradientWeights<Dim>& g) {
+                         GradientWeights<Dim>& g, double& stressed) {
   g.setZero();
+  stressed = 0;
   Vec<Dim> first_moment = Vec<Dim>::Zero();
   for_each_cell_of_node(grid, index, [&](int cell, int corner) {
     if (order.empty(cell))
       return;
     add_coupling(moments[cell], corner, grid.inverse_spacing(), g);
+    stressed += corner_volume<Dim>(moments[cell].stress_volume, corner);
     first_moment += corner_first_moment(moments[cell], corner);
   });
   fold_neighbours(grid, index, g);

@@ -18,15 +18,16 @@ namespace talus {
 inline constexpr double not_inside = std::numeric_limits<double>::infinity();
 
 /// Particle shifting: in cells whose nodes all lie inside,
-/// \f[ x_p ← x_p − \min(a |γ̇| δt, 1/10)\, h_b^2\, ∂_b φ \f]
+/// \f[ x_p ← x_p − \min(a |γ̇| δt, 1/10)\, h_b^2\, ∂_b φ, \quad |h_b\, ∂_b φ| ≤ s, \f]
 /// by axis b, which evens out what shear does to the packing within some cells. It is a diffusion
 /// of the packing alone: velocities stay, what is not sheared does not move, and it falls with h².
-/// excess: φ − 1 or not_inside; strain: |γ̇| δt, #nodes of the grid each; rate: a, >= 0; lower,
-/// upper: where particles are held, m.
+/// excess: φ − 1 or not_inside; strain: |γ̇| δt, #nodes of the grid each; rate: a, >= 0; steepest:
+/// s, >= 0, beyond which a difference is no noise; lower, upper: where particles are held, m.
 template <int Dim, class Real>
 void shift_particles(Particles<Dim, Real>& particles, const Grid<Dim>& grid,
                      const Array<double>& excess, const Array<double>& strain, double rate,
-                     const Vec<Dim>& lower, const Vec<Dim>& upper, const Execution& execution) {
+                     double steepest, const Vec<Dim>& lower, const Vec<Dim>& upper,
+                     const Execution& execution) {
   using G = Grid<Dim>;
   execution.for_ranges(
       std::ssize(particles.position), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
@@ -57,7 +58,9 @@ void shift_particles(Particles<Dim, Real>& particles, const Grid<Dim>& grid,
             }
           }
           for (int a = 0; a < Dim; ++a)
-            x[a] = std::clamp(x[a] - share * grid.spacing()[a] * slope[a], lower[a], upper[a]);
+            slope[a] = share * grid.spacing()[a] * std::clamp(slope[a], -steepest, steepest);
+          for (int a = 0; a < Dim; ++a)
+            x[a] = std::clamp(x[a] - slope[a], lower[a], upper[a]);
           x = grid.wrapped(x);
         }
       });
