@@ -63,7 +63,8 @@ struct Packing {
   double dilatancy = 5;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;
-  /// For flows that are sheared by many times their height: stress acts on full cells evenly
+  /// For flows that are sheared by many times their height, for what is pushed slowly, and for
+  /// fields of stress: stress acts on full cells evenly
   /// (even_volume), a node in the midst of dense material makes room only if its neighbours agree,
   /// and particles there even out at `shifting` per unit of strain (shift_particles), what differs
   /// by up to `slack` from node to node.

@@ -420,7 +420,7 @@ class Simulation {
     require_step("velocity");
     return problem_.velocity[node_number(node)].template head<Dim>();
   }
-  /// −σ_i = φ λ̂_i, d × d, Pa; positive in compression.
+  /// −σ_i = φ λ̂_i, d × d, Pa, φ ≤ 1 of the volume that stress acts on; positive in compression.
   Mat<Dim> stress(const Index<Dim>& node) const {
     require_step("stress");
     const int j = node_number(node);
