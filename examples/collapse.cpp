@@ -209,8 +209,11 @@ int run(const Options& options, const Case& collapse) {
   talus::CollapseSetup setup = collapse.setup;
   setup.validate();
   talus::Vec<3> cell(resolution.along, resolution.across, resolution.up);
-  if (!options.cell.empty())
-    cell = talus::Vec<3>(options.cell[0], options.cell[1], options.cell[2]);
+  if (!options.cell.empty()) {
+    if (Dim == 3 && options.cell.size() == 2)
+      talus::throw_invalid("--cell", "2 edges", "3 of them in 3-D: along, across, up");
+    cell = talus::Vec<3>(options.cell.front(), options.cell[1], options.cell.back());
+  }
   if (options.preset == "repository")
     setup.gate_thickness = 2 * cell[0];
 
@@ -556,8 +559,8 @@ int main(int argc, char** argv) {
   app.add_option("--width", options.width, "Channel width instead of the case's, m");
   app.add_option("--height", options.height, "Channel height instead of the case's, m");
   app.add_option("--cell", options.cell,
-                 "Cell edges along, across, up instead of the resolution's, m")
-      ->expected(3);
+                 "Cell edges along, across, up (2-D: along, up) instead of the resolution's, m")
+      ->expected(2, 3);
   app.add_option("--time-step", options.time_step, "Time step instead of the resolution's, s");
   app.add_option("--cfl", options.cfl,
                  "Shorten steps so that nothing crosses more of a cell; 0: fixed steps")

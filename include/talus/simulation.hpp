@@ -415,6 +415,12 @@ class Simulation {
     const int j = node_number(node);
     return fields_.material_volume[j] / (fields_.open_fraction[j] * grid_.node_volume(node));
   }
+  /// That stress acts on, of which ∇u is the mean, m^d: Σ V_p N_i, or by even packing see
+  /// even_volume().
+  double stress_volume(const Index<Dim>& node) const {
+    require_step("stress_volume");
+    return fields_.stress_volume[node_number(node)];
+  }
   /// u_i, m/s; zero where there is no material.
   Vec<Dim> velocity(const Index<Dim>& node) const {
     require_step("velocity");
@@ -431,7 +437,8 @@ class Simulation {
   }
   /// p_i = −Tr σ_i / d, Pa.
   double pressure(const Index<Dim>& node) const { return stress(node).trace() / Dim; }
-  /// I_i that the step's friction was taken at; 0 for a law that does not depend on it.
+  /// I_i at which the law was asked last, with friction_updates > 1 after the last solve but one or
+  /// after the last; 0 for a law that does not depend on it.
   double inertial_number(const Index<Dim>& node) const {
     require_step("inertial_number");
     return fields_.inertial_number[node_number(node)];

@@ -14,8 +14,11 @@
 #include "talus/distributed/checkpoint.hpp"
 #include "talus/distributed/mpi.hpp"
 #include "talus/distributed/ranks.hpp"
+#include "talus/distributed/shared.hpp"
 #include "talus/distributed/together.hpp"
 #include "talus/distributed/vtk.hpp"
+#include "talus/io/matrix_market.hpp"
+#include "talus/io/problem_file.hpp"
 #include "talus/io/vtk.hpp"
 #include "talus/solver/interior_point.hpp"
 #include "talus/solver/sweeps_then_interior_point.hpp"
@@ -25,6 +28,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <csignal>
 #include <cstddef>
 #include <cstdint>
@@ -276,6 +280,34 @@ TEST_CASE("ranks: wrong input is refused on all of them") {
   refused([](auto& wrong) { wrong.particles.position[5][0] = 7; });
   refused([](auto& wrong) { wrong.particles.id[5] = wrong.particles.id[6]; });
   refused([](auto& wrong) { wrong.params.time_step = -1; });
+  CHECK_THROWS_AS((distributed::Ranks<2>(nullptr)), std::invalid_argument);
+
+  scene.params.ranks = ranks<S>();
+  S sim(scene.params, scene.particles);
+  const support::Folder folder;
+  static_cast<void>(sim.step());
+  if (mpi->size() > 1) { // a part of a problem is none
+    CHECK_THROWS_AS(write_problem(folder / "part.talus", sim.problem()), std::invalid_argument);
+    CHECK_THROWS_AS(write_matrix_market(folder.path, sim.problem()), std::invalid_argument);
+  }
+}
+
+TEST_CASE("ranks: what rank 0 asks in vain leaves the others at work") {
+  using S = scenes::Sim<2>;
+  const scenes::Scene<S> scene = scenes::sliding_block<2>();
+  try {
+    distributed::Shared<S> sim(scene.params, scene.particles); // on from here: rank 0
+    const Index<2> node{2, 1};
+    for (int n = 0; n < 2; ++n) { // before the first step and after restore()
+      CHECK_THROWS_AS(static_cast<void>(sim.volume_fraction(node)), std::invalid_argument);
+      CHECK_THROWS_AS(sim.set_gravity({std::nan(""), 0}), std::invalid_argument);
+      CHECK(sim.step().completed());
+      CHECK(sim.volume_fraction(node) > 0.5);
+      sim.restore(sim.state());
+    }
+  } catch (const distributed::Served&) {
+    CHECK(mpi->rank() > 0);
+  }
 }
 
 namespace {

@@ -4,6 +4,8 @@
 
 #include "scenes.hpp"
 
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/io/problem_file.hpp"
@@ -382,6 +384,32 @@ TEST_CASE("periodic: a problem goes through its file") {
         SolveStatus::converged);
   for (std::size_t i = 0; i < problem.cones(); ++i)
     CHECK(problem.stress_impulse[i] == sim.problem().stress_impulse[i]);
+}
+
+TEST_CASE("periodic: an obstacle holds a node at the seam once") {
+  auto params = scenes::box<2>({0.08, 0, 0.08}, {8, 1, 8}, 0, 0.4);
+  params.faces.lower[0] = params.faces.upper[0] = {FaceKind::periodic};
+  params.faces.lower[1] = {FaceKind::open};
+  params.obstacles.push_back(make_obstacle<ShapeObstacle<2>>(
+      {.shape = shapes::HalfSpace<2>({0, 0.015}, {0, 1}), .friction = 0.4}));
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0.015}, {0.08, 0.045}, {.per_axis = 2, .jitter = 0});
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0.05}, {0.04, 0.06}, {.per_axis = 2, .jitter = 0});
+  for (std::size_t p = 0; p < sand.size(); ++p)
+    if (sand.position[p][1] > 0.05)
+      sand.velocity[p] = {0, 40}; // leaves, so that there are fewer cones from step to step
+  params.faces.upper[1] = {FaceKind::open};
+  scenes::Sim<2> sim(params, sand);
+  std::size_t cones = 0;
+  for (int n = 0; n < 4; ++n) {
+    const StepReport report = sim.step();
+    REQUIRE(report.completed());
+    CHECK(report.cones != cones);
+    cones = report.cones;
+    CHECK(report.contacts == 16); // two rows of eight nodes
+    for (int i = 0; i <= 8; ++i)
+      CHECK(sim.volume_fraction({i, 2}) == support::about(sim.volume_fraction({0, 2}), 1e-12));
+  }
 }
 
 TEST_CASE("periodic: what cannot be is refused") {

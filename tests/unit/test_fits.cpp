@@ -105,6 +105,13 @@ TEST_CASE("inertial numbers: of the flowing nodes with a pressure") {
   CHECK(quantiles.median == doctest::Approx(0.035));
   CHECK(quantiles.low == doctest::Approx(0.029));
   CHECK(quantiles.high == doctest::Approx(0.041));
+
+  struct Ring { // periodic along x: nodes and their copies are one place
+    Grid<2> grid_{{.origin = {0, 0}, .size = {1, 1}, .cells = {3, 2}}, {true, false}};
+    const Grid<2>& grid() const { return grid_; }
+    double inertial_number(const Index<2>& /*node*/) const { return 0.01; }
+  };
+  CHECK(inertial_quantiles(Ring{}).nodes == 9);
 }
 
 TEST_CASE("roots: few calls, a bracket, and an answer where there is none") {
@@ -132,6 +139,16 @@ TEST_CASE("roots: few calls, a bracket, and an answer where there is none") {
   CHECK_FALSE(none.found);
   CHECK(none.x == -1);
   CHECK(find_root([](double x) { return x - 1; }, 1, 2, 1e-3, 0).x == 1);
+
+  // where it is not a number
+  const Root at_end = find_root([](double x) { return x - 1 + std::sqrt(2 - x); }, 0, 3, 1e-3, 0);
+  CHECK_FALSE(at_end.found);
+  CHECK(at_end.x == 3);
+  const Root inside = find_root(
+      [](double x) { return std::abs(x - 1.5) < 1 ? std::nan("") : x - 1; }, 0, 3, 1e-3, 0);
+  CHECK_FALSE(inside.found);
+  CHECK(inside.x == 1);
+  CHECK(inside.evaluations == 3);
   CHECK_THROWS_AS(find_root([](double x) { return x; }, 1, 1, 1e-3, 0), std::invalid_argument);
 }
 

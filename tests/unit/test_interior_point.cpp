@@ -3,6 +3,8 @@
 // sweeps do not reach.
 
 #include "talus/boundary/body.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/cone/secular.hpp"
 #include "talus/dual/nested_dissection.hpp"
 #include "talus/io/problem_file.hpp"
@@ -336,6 +338,43 @@ TEST_CASE("problems with free bodies: in files bit for bit, and solved") {
   CHECK(difference(read, problem) < 1e-4);
   for (int b = 0; b < 2; ++b)
     CHECK(std::abs(read.bodies[b].velocity[1] - problem.bodies[b].velocity[1]) < 1e-4);
+}
+
+TEST_CASE("interior points: a body that does not turn, and a push without gravity") {
+  using Sim = Simulation<2, ConstantFriction, PolyPic, InteriorPoint>;
+  Sim::Params params;
+  params.grid = {.origin = {0, 0}, .size = {0.8, 0.8}, .cells = {8, 8}};
+  params.material.density = 1000;
+  params.gravity = {0, -9.81};
+  params.time_step = 1e-3;
+  params.rheology.mu = 0.5;
+  params.faces = Faces<2>::all({FaceKind::no_slip});
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.8, 0.5}, {});
+  auto block = block_body<2>({0.4, 0.63}, {0.3, 0.22}, 2000, 0.3);
+  for (const bool turns : {true, false}) {
+    block.rotates = turns;
+    params.bodies = {block};
+    Sim sim(params, sand);
+    for (int k = 0; k < 3; ++k)
+      CHECK(sim.step().solve.status == SolveStatus::converged);
+    CHECK((sim.bodies()[0].angular_velocity.norm() > 0) == turns);
+  }
+
+  params.bodies.clear();
+  params.gravity.setZero();
+  params.faces = Faces<2>::all({FaceKind::open});
+  RigidState<2> up;
+  up.velocity = {0, 0.1};
+  params.obstacles = {
+      make_obstacle<ShapeObstacle<2>>({.shape = shapes::HalfSpace<2>({0, 0.15}, {0, 1}),
+                                       .friction = 0.4,
+                                       .motion = steady_motion<2>(up)})};
+  Particles<2> block_of_sand;
+  fill_box<2>(block_of_sand, Grid<2>(params.grid), {0.2, 0.15}, {0.6, 0.5}, {});
+  Sim sim(params, block_of_sand);
+  CHECK(sim.step().solve.status == SolveStatus::converged);
+  CHECK(sim.velocity({4, 3})[1] == doctest::Approx(0.1).epsilon(0.01));
 }
 
 TEST_CASE("a simulation with interior points, and wrong parameters") {

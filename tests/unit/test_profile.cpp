@@ -213,6 +213,7 @@ TEST_CASE("the mean profile across counts the rows at the walls half") {
       static_cast<void>(mean_profile(flow, 2)),
       "mean_profile: margin is 2; allowed: from 0 to below half of the 4 cells across",
       std::invalid_argument);
+  CHECK_THROWS_AS(static_cast<void>(volume_under_surface(flow, 2)), std::invalid_argument);
 }
 
 TEST_CASE("the statistics of a user's solver are read back from its workspace") {

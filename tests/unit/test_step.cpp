@@ -482,4 +482,18 @@ TEST_CASE("the time step: nodes, gravity, obstacles and bodies") {
   check_time_step<3>();
 }
 
+TEST_CASE("blocks along a very long periodic axis") {
+  const int cells = 200'000;
+  const BlockOrder<2> order(
+      Grid<2>({.origin = {0, 0}, .size = {2e5, 1}, .cells = {cells, 1}}, {true, false}));
+  REQUIRE(order.nodes().size() == 2 * cells);
+  std::vector<bool> there(4 * (cells + 3));
+  for (std::size_t b = 0; b < order.blocks(); ++b) {
+    CHECK_LE(order.begin(b + 1) - order.begin(b), 4 * 2 * 2); // at most twice as long as others
+    for (std::size_t k = order.begin(b); k < order.begin(b + 1); ++k)
+      there[static_cast<std::size_t>(order.nodes()[k])] = true;
+  }
+  CHECK(std::count(there.begin(), there.end(), true) == 2 * cells);
+}
+
 } // namespace test_step

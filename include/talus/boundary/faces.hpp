@@ -20,10 +20,6 @@ enum class FaceKind {
   frictional, ///< Coulomb contact with coefficient `friction`; the material may come off
   periodic,   ///< the box goes on at the opposite face, which must be periodic as well
   unset,      ///< refused: a face has no default
-
-  stick [[deprecated("it is no_slip")]] = no_slip,
-  slip [[deprecated("it is free_slip")]] = free_slip,
-  free [[deprecated("it is open")]] = open,
 };
 
 struct Face {

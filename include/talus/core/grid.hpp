@@ -149,6 +149,16 @@ class Grid {
     return node;
   }
 
+  /// The same by numbers.
+  int owner(int number) const { return node(owner(node_index(number))); }
+  /// Does this rank own all nodes?
+  bool whole() const {
+    bool all = true;
+    for (int a = 0; a < Dim; ++a)
+      all = all && whole(a);
+    return all;
+  }
+
   /// x moved by whole boxes along the periodic axes, so that it lies in the box.
   Vec<Dim> wrapped(Vec<Dim> x) const {
     for (int a = 0; a < Dim; ++a)

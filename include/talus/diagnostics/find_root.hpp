@@ -14,7 +14,8 @@ struct Root {
   double low = 0;      ///< the zero is between
   double high = 0;     ///< these two
   int evaluations = 0; ///< calls of the function
-  bool found = false;  ///< false if the function has the same sign at both ends: x is the better
+  bool found = false;  ///< false if the function has the same sign at both ends, x is the better
+                       ///< of them then, or is not a number at x
 };
 
 /// A zero of f between `low` and `high`, at whose ends f has different signs: regula falsi with the
@@ -38,6 +39,8 @@ Root find_root(const Function& f, double low, double high, double x_tolerance, d
     root.x = x;
     return root;
   };
+  if (std::isnan(f_low) || std::isnan(f_high))
+    return settle(std::isnan(f_low) ? low : high);
   root.found = f_low == 0 || f_high == 0 || std::signbit(f_low) != std::signbit(f_high);
   if (!root.found || std::min(std::abs(f_low), std::abs(f_high)) <= f_tolerance)
     return settle(std::abs(f_low) <= std::abs(f_high) ? low : high);
@@ -47,7 +50,8 @@ Root find_root(const Function& f, double low, double high, double x_tolerance, d
     x = root.low - f_low * (root.high - root.low) / (f_high - f_low);
     const double fx = f(x);
     ++root.evaluations;
-    if (std::abs(fx) <= f_tolerance)
+    root.found = !std::isnan(fx);
+    if (!root.found || std::abs(fx) <= f_tolerance)
       return settle(x);
     // An end that stays for a second time counts half: else it might stay for ever.
     if (std::signbit(fx) == std::signbit(f_low)) {

@@ -94,19 +94,27 @@ Profile measure_profile(const Flow& flow, int row = middle_row, double static_sp
   return profile;
 }
 
+namespace detail {
+
+/// The last of the rows of nodes across that a margin of so many cells leaves.
+inline int last_row(const std::string& what, int cells, int margin) {
+  if (margin < 0 || margin >= cells - margin)
+    throw_invalid(what + ": margin", margin,
+                  "from 0 to below half of the " + std::to_string(cells) + " cells across");
+  return cells - margin;
+}
+
+} // namespace detail
+
 /// The mean of the profiles of all rows across, those at the sides counted half (2-D: the profile).
 /// margin: rows of cells at each side that are left out, as solid side walls are; static_speed:
-/// m/s.
+/// m/s. Throws std::invalid_argument if no row is left.
 template <class Flow>
 Profile mean_profile(const Flow& flow, int margin = 0, double static_speed = 0.01) {
   if constexpr (Flow::dimension == 2) {
     return measure_profile(flow, middle_row, static_speed);
   } else {
-    const int last = flow.grid().cells(1) - margin;
-    if (margin < 0 || margin >= last)
-      throw_invalid("mean_profile: margin", margin,
-                    "from 0 to below half of the " + std::to_string(flow.grid().cells(1)) +
-                        " cells across");
+    const int last = detail::last_row("mean_profile", flow.grid().cells(1), margin);
     Profile mean;
     for (int row = margin; row <= last; ++row) {
       const Profile one = measure_profile(flow, row, static_speed);
@@ -166,13 +174,14 @@ inline double area_under(const Profile& profile) {
 }
 
 /// Volume between the base and the surface: m³ in 3-D, m² in 2-D. margin: rows of cells at each
-/// side that are left out, as solid side walls are (2-D: ignored).
+/// side that are left out, as solid side walls are (2-D: ignored). Throws std::invalid_argument if
+/// none is left.
 template <class Flow>
 double volume_under_surface(const Flow& flow, int margin = 0) {
   if constexpr (Flow::dimension == 2) {
     return area_under(measure_profile(flow));
   } else {
-    const int last = flow.grid().cells(1) - margin;
+    const int last = detail::last_row("volume_under_surface", flow.grid().cells(1), margin);
     double volume = 0;
     for (int row = margin; row <= last; ++row)
       volume += area_under(measure_profile(flow, row)) * (row == margin || row == last ? 0.5 : 1.0);

@@ -44,7 +44,10 @@ InertialQuantiles inertial_quantiles(const Flow& flow, double least = 5e-4) {
   const auto& grid = flow.grid();
   std::vector<double> values;
   for (int n = 0; n < grid.node_count(); ++n) {
-    const double inertial = flow.inertial_number(grid.node_index(n));
+    const auto node = grid.node_index(n);
+    if (!grid.own().holds(node))
+      continue;
+    const double inertial = flow.inertial_number(node);
     if (inertial >= least && std::isfinite(inertial))
       values.push_back(inertial);
   }

@@ -18,7 +18,7 @@ namespace talus {
 template <int Dim>
 class StrainRate {
  public:
-  /// flow: anything with problem() and volume_fraction(node), such as a Simulation, or with
+  /// flow: anything with problem() and stress_volume(node), such as a Simulation, or with
   /// strain_rate(node); it is read at once, so the field stays that of its last step. Throws what
   /// problem() throws: before the first step there is none.
   template <class Flow>
@@ -32,9 +32,8 @@ class StrainRate {
       const Stencil<Dim> stencil(grid_);
       for (std::size_t i = 0; i < problem.cones(); ++i) {
         const int j = problem.node[i];
-        const double volume = flow.volume_fraction(grid_.node_index(j)) * problem.node_volume[i];
-        at_[j] =
-            vector_to_symmetric<Dim, double>(integrated_strain_rate(problem, stencil, i)) / volume;
+        at_[j] = vector_to_symmetric<Dim, double>(integrated_strain_rate(problem, stencil, i)) /
+                 flow.stress_volume(grid_.node_index(j));
       }
     }
   }

@@ -64,16 +64,17 @@ struct StateShare {
 template <int Dim, class Real = double>
 class Ranks final : public talus::Ranks<Dim, Real> {
  public:
-  /// Throws std::invalid_argument if a parameter is out of range.
+  /// Throws std::invalid_argument if there is no communicator or a parameter is out of range.
   explicit Ranks(std::shared_ptr<const Communicator> communicator, Dealing dealing = {})
       : communicator_(std::move(communicator)), dealing_(dealing) {
+    if (!communicator_)
+      throw_invalid("ranks: the communicator", "null", "a valid pointer");
     dealing_.validate();
   }
 
   const Communicator& communicator() const override { return *communicator_; }
   const NodeBox<Dim>& own() const override { return partition_.box(rank()); }
   Halo& halo() override { return *halo_; }
-  const Partition<Dim>& partition() const { return partition_; }
   /// Of the last look: the largest load of a rank over the mean.
   double imbalance() const { return imbalance_; }
   std::size_t times_dealt() const { return times_dealt_; }

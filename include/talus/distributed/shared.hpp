@@ -336,6 +336,7 @@ class Shared {
 
   const Node& at(const Index<dimension>& node) const {
     if (!fields_) {
+      part_->problem(); // throws before the others are called if there are no fields
       command(Command::fields);
       fields_.emplace(gather_fields());
     }

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <numeric>
 
 namespace talus {
@@ -149,7 +150,7 @@ class BlockOrder {
     const int count = nodes <= block_edge ? 1 : 2 * std::max(1, nodes / (2 * block_edge));
     Array<int> edges;
     for (int k = 0; k <= count; ++k)
-      edges.push_back(nodes * k / count);
+      edges.push_back(static_cast<int>(std::int64_t{nodes} * k / count));
     return edges;
   }
 

@@ -72,7 +72,6 @@ struct Block {
 template <int Dim>
 struct DualProblem {
   static constexpr int cone_size = symmetric_size<Dim>;
-  static constexpr int neighbours = ipow(3, Dim);
 
   Grid<Dim> grid;
   NodeCopies<Dim> copies;           ///< of the grid; `velocity` is the same at all nodes of a place

@@ -208,16 +208,14 @@ class SparseForm {
     return axes;
   }
 
-  int owner(int node) const {
-    return free_.grid.node(free_.grid.owner(free_.grid.node_index(node)));
-  }
+  static bool rotates(const FreeBody<Dim>& body) { return !body.inverse_inertia.isZero(0); }
 
   void number_unknowns() {
     unknown_.assign(free_.velocity.size() * Dim, -1);
     Array<double> masses;
     Array<int> nodes;
     for (int j = 0; j < free_.grid.node_count(); ++j)
-      if (owner(j) == j && free_.inverse_mass[j].maxCoeff() > 0)
+      if (free_.grid.owner(j) == j && free_.inverse_mass[j].maxCoeff() > 0)
         nodes.push_back(j);
     dissect(free_.grid, nodes.data(), nodes.data() + nodes.size());
     for (const int j : nodes)
@@ -226,22 +224,27 @@ class SparseForm {
           unknown_[Dim * j + a] = static_cast<int>(masses.size());
           masses.push_back(1 / w);
         }
-    first_body_ = static_cast<int>(masses.size());
-    constexpr int spin = spin_size<Dim>, of_body = Dim + spin;
-    sparse.unknowns = first_body_ + of_body * static_cast<int>(free_.bodies.size());
+    constexpr int spin = spin_size<Dim>;
+    sparse.unknowns = static_cast<int>(masses.size());
+    for (const FreeBody<Dim>& body : free_.bodies) {
+      body_unknown_.push_back(sparse.unknowns);
+      sparse.unknowns += rotates(body) ? Dim + spin : Dim;
+    }
     sparse.mass.resize(sparse.unknowns, sparse.unknowns);
-    sparse.mass.reserve(Eigen::VectorXi::Constant(sparse.unknowns, of_body));
+    sparse.mass.reserve(Eigen::VectorXi::Constant(sparse.unknowns, spin));
     for (std::size_t j = 0; j < masses.size(); ++j)
       sparse.mass.insert(static_cast<int>(j), static_cast<int>(j)) = masses[j];
-    int at = first_body_;
-    for (const FreeBody<Dim>& body : free_.bodies) {
+    for (std::size_t k = 0; k < free_.bodies.size(); ++k) {
+      const FreeBody<Dim>& body = free_.bodies[k];
+      const int at = body_unknown_[k];
       for (int a = 0; a < Dim; ++a)
         sparse.mass.insert(at + a, at + a) = 1 / body.inverse_mass;
+      if (!rotates(body))
+        continue;
       const Mat<spin> inertia = body.inverse_inertia.inverse();
       for (int b = 0; b < spin; ++b)
         for (int a = 0; a < spin; ++a)
           sparse.mass.insert(at + Dim + a, at + Dim + b) = inertia(a, b);
-      at += of_body;
     }
     sparse.mass.makeCompressed();
   }
@@ -282,7 +285,7 @@ class SparseForm {
     for (int k = 0; k < ipow(3, Dim); ++k) {
       if (g.col(k).isZero(0))
         continue;
-      const int j = owner(free_.node[i] + free_.grid.neighbour_offset(k));
+      const int j = free_.grid.owner(free_.node[i] + free_.grid.neighbour_offset(k));
       for (int a = 0; a < Dim; ++a)
         if (const int unknown = unknown_[Dim * j + a]; unknown >= 0) {
           Mat<Dim> gradient = Mat<Dim>::Zero();
@@ -308,7 +311,7 @@ class SparseForm {
     };
     if (contact.node >= 0)
       for (int a = 0; a < Dim; ++a)
-        if (const int unknown = unknown_[Dim * owner(contact.node) + a]; unknown >= 0)
+        if (const int unknown = unknown_[Dim * free_.grid.owner(contact.node) + a]; unknown >= 0)
           put_column(unknown, Vec<Dim>::Unit(a));
     Vec<Dim> relative = -contact.wall_velocity;
     if (body_contact < 0) {
@@ -317,10 +320,10 @@ class SparseForm {
       const BodyContact<Dim>& of_body = free_.body_contacts[body_contact];
       relative = contact_velocity(of_body);
       const auto put_body = [&](int body, const Vec<Dim>& arm, double sign) {
-        const int at = first_body_ + (Dim + spin_size<Dim>)*body;
+        const int at = body_unknown_[body];
         for (int a = 0; a < Dim; ++a)
           put_column(at + a, sign * Vec<Dim>::Unit(a));
-        for (int a = 0; a < spin_size<Dim>; ++a)
+        for (int a = 0; a < spin_size<Dim> && rotates(free_.bodies[body]); ++a)
           put_column(at + Dim + a, sign * cross<Dim>(Spin<Dim>::Unit(a), arm));
       };
       put_body(of_body.body, of_body.arm, -1);
@@ -349,9 +352,9 @@ class SparseForm {
 
   DualProblem<Dim> free_; ///< without stresses and impulses
   Stencil<Dim> stencil_;
-  Array<int> unknown_; ///< of component a of node j at Dim j + a; −1: none
-  int first_body_ = 0;
-  Array<int> row_; ///< first row of each cone, contact and contact of a body; −1: none
+  Array<int> unknown_;      ///< of component a of node j at Dim j + a; −1: none
+  Array<int> body_unknown_; ///< first unknown of each body
+  Array<int> row_;          ///< first row of each cone, contact and contact of a body; −1: none
 };
 
 } // namespace talus

@@ -11,10 +11,12 @@
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <system_error>
+#include <utility>
 
 namespace talus {
 
@@ -32,20 +34,25 @@ namespace talus {
 ///   mu.mtx  (cones + contacts) × 1: opening of each cone
 ///   lambda.mtx rows × 1: the stresses and impulses in the problem, a start
 /// W = H M⁻¹ Eᵀ. Throws std::runtime_error if a file cannot be written,
-/// std::invalid_argument for a problem with free bodies, which are left out of this form.
+/// std::invalid_argument for a problem with free bodies, which are left out of this form, and for
+/// the part of a problem that one of several ranks has.
 template <int Dim>
 void write_matrix_market(const std::filesystem::path& folder, const DualProblem<Dim>& original) {
   if (!original.bodies.empty())
     throw_invalid("the number of free bodies in an exported problem", original.bodies.size(), "0");
+  const Grid<Dim>& grid = original.grid;
+  if (!grid.whole())
+    throw_invalid("write_matrix_market: the problem", "the part of a rank", "a whole one");
   constexpr int s = symmetric_size<Dim>;
   DualProblem<Dim> problem = original;
-  remove_impulses(problem, Stencil<Dim>(problem.grid));
+  remove_impulses(problem, Stencil<Dim>(grid));
+  problem.copies.copy(problem.velocity, Execution());
 
   // Numbers the unknowns: components of velocities that can change.
   Array<SmallArray<std::size_t, Dim>> unknown(problem.velocity.size());
   Array<double> mass, free;
-  for (std::size_t j = 0; j < problem.velocity.size(); ++j)
-    for (int a = 0; a < Dim; ++a)
+  for (int j = 0; j < grid.node_count(); ++j)
+    for (int a = 0; a < Dim && grid.owner(j) == j; ++a)
       if (problem.inverse_mass[j][a] > 0) {
         mass.push_back(1 / problem.inverse_mass[j][a]);
         free.push_back(problem.velocity[j][a]);
@@ -71,7 +78,7 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     SmallArray<double, s> fixed{};
     fixed[0] = problem.free_volume_rate[i];
     for (int n = 0; n < Grid<Dim>::neighbours; ++n) {
-      const int j = problem.node[i] + problem.grid.neighbour_offset(n);
+      const int j = grid.owner(problem.node[i] + grid.neighbour_offset(n));
       for (int a = 0; a < Dim; ++a) {
         const Mat<Dim> gradient =
             Vec<Dim>::Unit(a) * problem.gradient_weights[i].col(n).transpose();
@@ -103,13 +110,28 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     for (int r = 0; r < Dim; ++r) {
       double fixed = -contact.wall_velocity.dot(frame.col(r));
       for (int a = 0; a < Dim; ++a)
-        add(row, contact.node, a, frame(a, r), frame(a, r), fixed);
+        add(row, grid.owner(contact.node), a, frame(a, r), frame(a, r), fixed);
       k.push_back(fixed);
       lambda.push_back(original.contacts[c].impulse.dot(frame.col(r)));
       ++row;
     }
     mu.push_back(contact.friction);
   }
+
+  // In a periodic box of one or two cells a node is a neighbour in two ways.
+  std::sort(entries.begin(), entries.end(), [](const Triplet& a, const Triplet& b) {
+    return std::pair(a.row, a.column) < std::pair(b.row, b.column);
+  });
+  std::size_t kept = 0;
+  for (std::size_t e = 0; e < entries.size(); ++e)
+    if (kept > 0 && entries[kept - 1].row == entries[e].row &&
+        entries[kept - 1].column == entries[e].column) {
+      entries[kept - 1].value += entries[e].value;
+      entries[kept - 1].momentum += entries[e].momentum;
+    } else {
+      entries[kept++] = entries[e];
+    }
+  entries.resize(kept);
 
   std::error_code error;
   std::filesystem::create_directories(folder, error);

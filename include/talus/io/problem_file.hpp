@@ -45,15 +45,18 @@ Contact<Dim> read_contact(ByteReader& reader) {
 } // namespace detail
 
 /// Saves a dual problem with its present stresses and impulses: in Simulation::step(before_solve),
-/// the warm start; after the step, the solution. Throws std::runtime_error if the file cannot be
-/// written; an earlier file of that name is replaced only by a complete one.
+/// the warm start; after the step, the solution. Throws std::invalid_argument for the part of a
+/// problem that one of several ranks has, std::runtime_error if the file cannot be written; an
+/// earlier file of that name is replaced only by a complete one.
 template <int Dim>
 void write_problem(const std::filesystem::path& path, const DualProblem<Dim>& problem) {
   const auto& grid = problem.grid;
+  if (!grid.whole())
+    throw_invalid("write_problem: the problem", "the part of a rank", "a whole one");
   Array<int> points; // whose velocity or mass is not zero
   for (int node = 0; node < grid.node_count(); ++node) {
     const std::size_t j = static_cast<std::size_t>(node);
-    if (grid.node(grid.owner(grid.node_index(node))) == node &&
+    if (grid.owner(node) == node &&
         !(problem.velocity[j].isZero(0) && problem.inverse_mass[j].isZero(0)))
       points.push_back(node);
   }

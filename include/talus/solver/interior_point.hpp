@@ -374,7 +374,17 @@ class InteriorPoint {
                                             sparse.lambda.data() + cone.row, cone.size);
     for (int c = 0; c < sparse.unknowns; ++c)
       least += sparse.mass.coeff(c, c) / Dim;
-    return std::max(of_stress, least * problem.velocity_scale * problem.velocity_scale);
+    const double energy =
+        std::max(of_stress, least * problem.velocity_scale * problem.velocity_scale);
+    if (energy > 0)
+      return energy;
+    double of_rates = 0; // without stress and gravity, all at rest: an obstacle moves
+    for (const auto& cone : sparse.cones)
+      if (cone.scale > 0)
+        of_rates +=
+            jordan::dot(sparse.start.data() + cone.row, sparse.start.data() + cone.row, cone.size) /
+            cone.scale;
+    return of_rates;
   }
 
   class Search {

@@ -46,7 +46,8 @@ class SolidsAtCones {
               frame_.begin() + static_cast<std::ptrdiff_t>(obstacles));
   }
 
-  /// Calls visit(node) for the nodes of this rank that the solid may touch, the last axis fastest.
+  /// Calls visit(node) for the nodes that this rank owns and the solid may touch, the last axis
+  /// fastest.
   template <class Visit>
   void for_each_node_near(const Grid<Dim>& grid, std::size_t solid, const Visit& visit) const {
     const RigidState<Dim>& frame = frame_[solid];
@@ -69,7 +70,7 @@ class SolidsAtCones {
             std::clamp(x * grid.inverse_spacing()[a], -1.0, grid.cells(a) + 1.0));
       };
       begin[a] = std::max(place(from_origin - reach), grid.own().begin[a]);
-      end[a] = std::min(place(from_origin + reach) + 1, last_of_box(grid, a));
+      end[a] = std::min(place(from_origin + reach) + 1, grid.own().end[a]);
       if (from_origin + reach < 0)
         end[a] = 0;
       if (begin[a] >= end[a])
@@ -170,11 +171,6 @@ class SolidsAtCones {
   }
 
  private:
-  /// Where this rank's nodes end along an axis, with the last of a periodic one that it has whole.
-  static int last_of_box(const Grid<Dim>& grid, int axis) {
-    return grid.whole(axis) ? grid.cells(axis) + 1 : grid.own().end[axis];
-  }
-
   struct Entry {
     int solid = 0;
     bool holds = false; ///< the node: it is a contact
