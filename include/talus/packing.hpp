@@ -63,11 +63,15 @@ struct Packing {
   double dilatancy = 5;
   /// Does dense material with a free surface count as dense? See dense_fraction.
   bool surfaces = true;
+  /// By what share material with cohesion may miss dense in the mean over a node and its neighbours
+  /// and still cohere, if more than the slack. Less than the noise of the particles' positions
+  /// takes strength away by chance.
+  double cohesion_slack = 0.05;
   /// For flows that are sheared by many times their height, for what is pushed slowly, and for
   /// fields of stress: stress acts on full cells evenly
   /// (even_volume), a node in the midst of dense material makes room only if its neighbours agree,
   /// and particles there even out at `shifting` per unit of strain (shift_particles), what differs
-  /// by up to `slack` from node to node.
+  /// by up to `slack` from node to node. Without `surfaces` the first of the three alone.
   bool even = false;
   double shifting = 3;
   /// A scene whose particles fill some 3^d cells more than so many times is refused, see
@@ -83,6 +87,8 @@ struct Packing {
     if (!(slack >= 0 && slack < 1))
       throw_invalid("packing.slack", slack, "a number in [0, 1)");
     require_non_negative("packing.dilatancy", dilatancy);
+    if (!(cohesion_slack >= 0 && cohesion_slack < 1))
+      throw_invalid("packing.cohesion_slack", cohesion_slack, "a number in [0, 1)");
     require_non_negative("packing.shifting", shifting);
     if (!(densest > 0))
       throw_invalid("packing.densest", densest, "a number > 0, or infinity");

@@ -660,16 +660,19 @@ class Simulation {
     problem_.stress_impulse.resize(cones);
     for_each_cone([&](std::size_t i) { work_.cone[problem_.node[i]] = static_cast<int>(i); });
     solids_.find(grid_, work_.cone, cones);
-    // Cohesion would hang what is below a surface on the air above it.
-    const bool surfaces = params_.packing.surfaces && !has_cohesion<RheologyT>();
-    const Room<Dim> room{params_.faces,    params_.packing, surfaces, stencil_,
+    const bool cohesive = is_cohesive(rheology_);
+    const Room<Dim> room{params_.faces,    params_.packing, cohesive, stencil_,
                          state_.time_step, fields_,         work_,    problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
     problem_.copies.copy(fields_.stress_volume, execution_);
-    if (params_.packing.even) {
+    if (params_.packing.even || cohesive) {
       problem_.copies.copy(work_.excess, execution_);
       problem_.copies.copy(work_.strain, execution_);
-      for_each_cone([&](std::size_t i) { room.set_inside(i); });
+      for_each_cone([&](std::size_t i) {
+        room.set_inside(i);
+        if constexpr (has_cohesion<RheologyT>()) // hangs on k_i
+          problem_.opening[i] = friction(i);
+      });
     }
     problem_.copies.copy_here(work_.cone, execution_);
   }

@@ -70,13 +70,13 @@ void check_inertial_number() {
 /// k_i of the middle node as a share of its volume, > 0 to compact.
 template <int Dim>
 struct RoomAtNode : Scene<Dim> {
-  Packing packing{.slack = 0.0625, .dilatancy = 2};
-  bool surfaces = false;
+  Packing packing{.slack = 0.0625, .dilatancy = 2, .surfaces = false};
+  bool cohesive = false;
   int middle = this->node(2, 2);
 
   RoomAtNode() { this->add_cone(2, 2); }
   Room<Dim> room() {
-    return {this->faces, packing, surfaces, stencil, 0.5, this->fields, this->work, this->problem};
+    return {this->faces, packing, cohesive, stencil, 0.5, this->fields, this->work, this->problem};
   }
   double room_now() const { // k_N = sqrt(d/2) room v/(d δt)
     return this->problem.free_volume_rate[0] * Dim * 0.5 /
@@ -111,7 +111,7 @@ void check_room() {
   // beside a solid that leaves half of the node
   s.fields.open_fraction[s.middle] = 0.5;
   CHECK(s.set(1.5, 0.25) == 0);
-  s.surfaces = true; // even if it ends there, below a surface
+  s.packing.surfaces = true; // even if it ends there, below a surface
   CHECK(s.set(0.5, 0, -1.0 / 3 * unit<Dim>(up)) == about(0.4375));
   // the half space up to the node: φ = 1/2, t = -1/3
   s.fields.open_fraction[s.middle] = 1;
@@ -203,7 +203,8 @@ TEST_CASE("room: surfaces at faces") {
     const double half = 0.5 * s.problem.node_volume[cone];
     s.fields.material_volume[s.node(i, k)] = half;
     const Packing packing{.slack = 0.0625};
-    const Room<2> set{s.faces, packing, true, Stencil<2>(s.grid), 0.5, s.fields, s.work, s.problem};
+    const Room<2> set{s.faces, packing,  false,  Stencil<2>(s.grid),
+                      0.5,     s.fields, s.work, s.problem};
     set.set(cone, s.index(i, k), half * mean);
     return s.problem.free_volume_rate[cone] / s.problem.node_volume[cone]; // 2 δt = 1
   };
@@ -225,7 +226,7 @@ TEST_CASE("room: surfaces at faces") {
 
 TEST_CASE("room: in the midst of dense material neighbours must agree") {
   RoomAtNode<2> s;
-  s.surfaces = s.packing.even = true;
+  s.packing.surfaces = s.packing.even = true;
   for (const auto& [i, k] : {std::pair(1, 2), {3, 2}, {2, 1}, {2, 3}})
     s.fields.material_volume[s.node(i, k)] = 0.125; // there is no surface
   const auto inside = [&] {
@@ -249,6 +250,29 @@ TEST_CASE("room: in the midst of dense material neighbours must agree") {
   s.problem.free_volume_rate[0] = 17;
   s.room().set_inside(0);
   CHECK(s.problem.free_volume_rate[0] == 17);
+}
+
+TEST_CASE("room: what coheres is loose only if its neighbours are, too, but for surfaces") {
+  RoomAtNode<2> s;
+  s.cohesive = s.packing.surfaces = true;
+  s.packing.cohesion_slack = 0.125;
+  for (const auto& [i, k] : {std::pair(1, 2), {3, 2}, {2, 1}, {2, 3}})
+    s.fields.material_volume[s.node(i, k)] = 0.125; // there is no surface
+  const auto inside = [&] {
+    s.room().set_inside(0);
+    return s.room_now();
+  };
+  CHECK(s.set(0.75) == about(0.1875)); // until it is asked again
+  CHECK(inside() == about(0.125));
+  s.work.excess[s.node(3, 2)] = 0; // 4 · -1/4 + 2 · 0
+  CHECK(inside() == about(1.0 / 6 - 0.125));
+  s.work.excess[s.node(1, 2)] = 0; // the mean is -1/8
+  CHECK(inside() == 0);
+  CHECK(s.set(1.5, 0.25) == about(-0.125)); // what is overpacked expands by itself
+  CHECK(inside() == about(-0.125));
+  s.fields.material_volume[s.node(2, 3)] = 0; // a surface: what is below does not hang on it
+  CHECK(s.set(0.75, 0, -1.0 / 3 * unit<2>(1)) == about(0.1875));
+  CHECK(s.work.excess[s.middle] == about(0.5)); // as it was
 }
 
 TEST_CASE("free bodies: the gap to the box, and who has left") {

@@ -19,8 +19,9 @@
 namespace talus::shapes {
 
 /// The solid that a closed triangle mesh encloses, sampled: signed distances at the nodes of a
-/// lattice around it, trilinear in between. A model of SignedDistance<3>, up to an error of about
-/// spacing²/(8 r) on surfaces of radius r, and of some tenths of the spacing at edges.
+/// lattice around it, trilinear in between, exact farther away. A model of SignedDistance<3>, up to
+/// an error of about spacing²/(8 r) on surfaces of radius r, and of some tenths of the spacing at
+/// edges.
 ///
 /// The winding number is a whole number w off a closed surface; a node is inside where w ≠ 0. The
 /// mesh may consist of several closed shells. Turned the same way round, they are joined: they may
@@ -68,8 +69,8 @@ class SampledMesh {
       place[a] = (x[a] - lower_[a]) / spacing_ + margin;
     Index<3> cell;
     for (int a = 0; a < 3; ++a) {
-      if (!(place[a] >= 0 && place[a] <= count_[a] - 1)) // far away: the distance to its box
-        return distance_to_box(x);
+      if (!(place[a] >= 0 && place[a] <= count_[a] - 1))
+        return tree_->distance(x);
       cell[a] = std::min(static_cast<int>(place[a]), count_[a] - 2);
       place[a] -= cell[a];
     }
@@ -91,13 +92,6 @@ class SampledMesh {
   static constexpr int margin = 3; ///< cells of the lattice around the mesh
 
   using Triangle = std::array<Vec<3>, 3>;
-
-  double distance_to_box(const Vec<3>& x) const {
-    Vec<3> gap;
-    for (int a = 0; a < 3; ++a)
-      gap[a] = x[a] - std::clamp(x[a], lower_[a], upper_[a]);
-    return norm<3>(gap);
-  }
 
   std::size_t number(const Index<3>& node) const {
     return (static_cast<std::size_t>(node[0]) * static_cast<std::size_t>(count_[1]) +
@@ -124,7 +118,8 @@ class SampledMesh {
   }
 
   void sample(const std::vector<Triangle>& triangles) {
-    const detail::TriangleTree tree(triangles, near_surface());
+    tree_ = std::make_shared<const detail::TriangleTree>(triangles, near_surface());
+    const detail::TriangleTree& tree = *tree_;
     std::vector<double> values(static_cast<std::size_t>(count_[0]) *
                                static_cast<std::size_t>(count_[1]) *
                                static_cast<std::size_t>(count_[2]));
@@ -205,6 +200,7 @@ class SampledMesh {
   double rounding_ = 0;  ///< how far corners that should be one may be apart, m
   Index<3> count_;       ///< nodes of the lattice
   std::shared_ptr<const std::vector<double>> values_;
+  std::shared_ptr<const detail::TriangleTree> tree_;
 };
 
 } // namespace talus::shapes

@@ -42,7 +42,7 @@ NodeInSolid<Dim> node_in_solid(const S& solid, const Vec<Dim>& x, const Vec<Dim>
   for (int a = 0; a < Dim; ++a)
     reach += std::abs(node.normal[a]) * spacing[a];
   const Vec<Dim> below = plus_scaled<Dim>(x, -(distance + reach), node.normal);
-  distance -= std::max(0.0, reach + distance_to<Dim>(solid, below)) / 2;
+  distance -= std::clamp((reach + distance_to<Dim>(solid, below)) / 2, 0.0, reach);
   const double s = std::clamp(distance / reach, -1.0, 1.0);
   node.open_fraction = 0.5 + s * (1 - std::abs(s) / 2);
   node.contact = s <= 0.5 + 1e-9; // positions are sums of rounded numbers

@@ -55,6 +55,21 @@ constexpr bool has_cohesion() {
     return Cohesive<R>;
 }
 
+/// Has any of its materials cohesion?
+template <Rheology R>
+bool is_cohesive([[maybe_unused]] const R& rheology) {
+  if constexpr (!has_cohesion<R>()) {
+    return false;
+  } else if constexpr (OfMaterials<R>) {
+    bool any = false;
+    for (int m = 0; m < rheology.materials(); ++m)
+      any = any || cohesion_of(rheology.law(m)) > 0;
+    return any;
+  } else {
+    return rheology.cohesion() > 0;
+  }
+}
+
 /// c_i, Pa, of cone i: where the medium is dense. volume_by_material: see NodeFields; read if there
 /// are several materials.
 template <Rheology R, int Dim>

@@ -23,7 +23,7 @@ template <int Dim>
 struct Room {
   const Faces<Dim>& faces;
   const Packing& packing;
-  bool surfaces; ///< does dense material with a free surface count as dense?
+  bool cohesive; ///< does any of the material have cohesion?
   const Stencil<Dim>& stencil;
   double time_step; ///< s
   const NodeFields& fields;
@@ -36,18 +36,26 @@ struct Room {
     const int j = problem.node[i];
     const double material = fields.material_volume[j], volume = problem.node_volume[i];
     const bool in_the_open = fields.open_fraction[j] == 1; // beside solids the plain rule holds
+    // Cohesion would hang what is below a surface on the air above it.
+    const bool surfaces = packing.surfaces && !cohesive;
     double dense = 1, strain = 0;
-    if (in_the_open && surfaces)
-      dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
+    bool inside = false;
+    if (in_the_open && (surfaces || cohesive)) {
+      const double if_dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
+      inside = if_dense == 1 && (packing.even || cohesive);
+      if (surfaces)
+        dense = if_dense;
+    }
     if (in_the_open && (material > volume || packing.even)) {
       const Vec<symmetric_size<Dim>> rate = integrated_strain_rate(problem, stencil, i);
       double shear2 = 0;
       for (int k = 1; k < symmetric_size<Dim>; ++k)
         shear2 += rate[k] * rate[k];
       strain = 2 * std::sqrt(shear2) / fields.stress_volume[j] * time_step; // |γ̇|² = 4 γ_T²
+    }
+    if (inside) {
+      work.excess[j] = material / volume - 1;
       work.strain[j] = strain;
-      if (surfaces && dense == 1 && packing.even)
-        work.excess[j] = material / volume - 1;
     }
     set(i, material / volume, dense, strain);
   }
@@ -68,7 +76,10 @@ struct Room {
       sum += weight * other;
       weights += weight;
     }
-    set(i, Packing::agreed(1 + work.excess[j], 1 + sum / weights), 1, work.strain[j]);
+    const double own = 1 + work.excess[j];
+    const double fraction = packing.even || own < 1 ? Packing::agreed(own, 1 + sum / weights) : own;
+    const double dense = cohesive ? 1 - std::max(0.0, packing.cohesion_slack - packing.slack) : 1;
+    set(i, fraction, dense, work.strain[j]);
   }
 
  private:
