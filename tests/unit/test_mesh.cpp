@@ -2,6 +2,7 @@
 // Triangle meshes: files in both forms, and sampled distances against those of the same solid.
 
 #include "talus/boundary/mesh_distance.hpp"
+#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/shapes.hpp"
 #include "talus/boundary/signed_distance.hpp"
 #include "talus/io/stl.hpp"
@@ -280,6 +281,44 @@ TEST_CASE("a mesh of 2e4 triangles on 1e5 nodes: what is far away takes no time"
     // the mesh is within the ball; a trilinear field of |x| is above it by at most 3/8 h²/|x|
     CHECK(ball.distance(x) > exact - 1e-12);
     CHECK(ball.distance(x) < exact + flat + std::min(spacing, spacing * spacing / (4 * x.norm())));
+  }
+}
+
+TEST_CASE("a funnel holds nothing above its opening, however fine its lattice is") {
+  // square, walls 0.2 thick and inclined by 45°; outlet 0.6 wide at z = 0.3, opening 2 wide at z =
+  // 1
+  const auto ring = [](double r, double z) {
+    return std::array<Vec<3>, 4>{Vec<3>(-r, -r, z), Vec<3>(r, -r, z), Vec<3>(r, r, z),
+                                 Vec<3>(-r, r, z)};
+  };
+  const std::array<std::array<Vec<3>, 4>, 4> rings{ring(0.3, 0.3), ring(0.6, 0.3), ring(1.3, 1),
+                                                   ring(1, 1)};
+  TriangleMesh mesh;
+  for (std::size_t r = 0; r < 4; ++r)
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto &from = rings[r], &to = rings[(r + 1) % 4];
+      const std::size_t n = (k + 1) % 4;
+      mesh.push_back({from[k], from[n], to[n]});
+      mesh.push_back({from[k], to[n], to[k]});
+    }
+  const double h = 0.1;
+  for (const double spacing : {h, h / 2, h / 4}) {
+    CAPTURE(spacing);
+    const shapes::SampledMesh funnel(mesh, spacing);
+    const Vec<3> cell = Vec<3>::Constant(h);
+    for (int i = -4; i <= 4; ++i)
+      for (int j = -4; j <= 4; ++j)
+        for (int k = 11; k <= 22; ++k)
+          CHECK_FALSE(
+              node_in_solid<3>(funnel, Vec<3>(h * i + 0.01, h * j + 0.01, h * k), cell).contact);
+    for (double x = 0.5; x < 1.15; x += 0.1) // in the midst of a wall
+      CHECK(node_in_solid<3>(funnel, {x, 0.01, x - 0.15}, cell).contact);
+    // beyond the lattice distances go on as they were
+    double steepest = 0;
+    for (double z = 1; z < 2; z += 0.001)
+      steepest = std::max(
+          steepest, std::abs(funnel.distance({0.1, 0, z + 0.001}) - funnel.distance({0.1, 0, z})));
+    CHECK(steepest < 0.0011 + 0.02 * spacing);
   }
 }
 

@@ -236,4 +236,11 @@ TEST_CASE("a plate is two cells thick for nodes, with a normal on either side an
   }
 }
 
+TEST_CASE("a thin solid counts as no thicker than two cells, whatever its distances are below") {
+  struct Hollow { // two walls around a gap; above them no more than the distance to their box
+    double distance(const Vec<2>& x) const { return x[1] > 1 ? x[1] - 1 : 0.5; }
+  };
+  CHECK_FALSE(node_in_solid<2>(Hollow{}, {0, 1.2}, {0.1, 0.1}).contact);
+}
+
 } // namespace test_shapes

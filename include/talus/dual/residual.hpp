@@ -72,8 +72,15 @@ class ResidualMeter {
     for (std::size_t k = 4; k < partials_.size(); k += 5)
       worst = partials_[k] <= worst ? worst : partials_[k]; // a NaN is kept, not lost
     Sums sums{total[0], total[1], total[2], execution.largest(worst), total[3]};
-    for (const FreeBody<Dim>& body : problem.bodies)
-      sums.least += speed2 / body.inverse_mass;
+    touched_.assign(problem.bodies.size(), 0); // what touches nothing is no part of the problem
+    for (const BodyContact<Dim>& contact : problem.body_contacts) {
+      touched_[contact.body] = 1;
+      if (contact.other >= 0)
+        touched_[contact.other] = 1;
+    }
+    for (std::size_t b = 0; b < problem.bodies.size(); ++b)
+      if (touched_[b] != 0)
+        sums.least += speed2 / problem.bodies[b].inverse_mass;
     for (const BodyContact<Dim>& contact : problem.body_contacts)
       add_contact(sums, contact, relative_velocity(problem, contact), contact.inverse_mass);
     return sums.residual();
@@ -117,6 +124,7 @@ class ResidualMeter {
   }
 
   Array<double> partials_; ///< #blocks × 5
+  Array<int> touched_;     ///< 1 for bodies with a contact
 };
 
 } // namespace talus

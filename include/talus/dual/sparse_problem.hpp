@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <utility>
 
 namespace talus {
@@ -39,6 +40,7 @@ struct SparseProblem {
   Array<double> start;              ///< γ_0, #rows
   Array<double> lambda;             ///< #rows
   Eigen::SparseMatrix<double> mass; ///< diagonal but for the inertia of bodies
+  double moving_mass = 0; ///< of nodes, and of bodies that touch something, kg; Σ over the axes
   int unknowns = 0;
 
   int rows() const { return static_cast<int>(start.size()); }
@@ -210,6 +212,12 @@ class SparseForm {
 
   static bool rotates(const FreeBody<Dim>& body) { return !body.inverse_inertia.isZero(0); }
 
+  bool touches(int body) const {
+    return std::any_of(
+        free_.body_contacts.begin(), free_.body_contacts.end(),
+        [&](const BodyContact<Dim>& c) { return c.body == body || c.other == body; });
+  }
+
   void number_unknowns() {
     unknown_.assign(free_.velocity.size() * Dim, -1);
     Array<double> masses;
@@ -226,6 +234,10 @@ class SparseForm {
         }
     constexpr int spin = spin_size<Dim>;
     sparse.unknowns = static_cast<int>(masses.size());
+    sparse.moving_mass = std::accumulate(masses.begin(), masses.end(), 0.0);
+    for (std::size_t b = 0; b < free_.bodies.size(); ++b)
+      if (touches(static_cast<int>(b)))
+        sparse.moving_mass += Dim / free_.bodies[b].inverse_mass;
     for (const FreeBody<Dim>& body : free_.bodies) {
       body_unknown_.push_back(sparse.unknowns);
       sparse.unknowns += rotates(body) ? Dim + spin : Dim;

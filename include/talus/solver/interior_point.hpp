@@ -368,14 +368,12 @@ class InteriorPoint {
   /// The energy that the residual is compared with, in units of SparseProblem::lambda.
   template <int Dim>
   static double energy(const DualProblem<Dim>& problem, const SparseProblem& sparse) {
-    double of_stress = 0, least = 0;
+    double of_stress = 0;
     for (const auto& cone : sparse.cones)
       of_stress += cone.scale * jordan::dot(sparse.lambda.data() + cone.row,
                                             sparse.lambda.data() + cone.row, cone.size);
-    for (int c = 0; c < sparse.unknowns; ++c)
-      least += sparse.mass.coeff(c, c) / Dim;
-    const double energy =
-        std::max(of_stress, least * problem.velocity_scale * problem.velocity_scale);
+    const double least = sparse.moving_mass / Dim * problem.velocity_scale * problem.velocity_scale;
+    const double energy = std::max(of_stress, least);
     if (energy > 0)
       return energy;
     double of_rates = 0; // without stress and gravity, all at rest: an obstacle moves
