@@ -291,7 +291,8 @@ class Simulation {
       return 1;
   }
   /// ρ of a material, kg/m³.
-  double density([[maybe_unused]] int material) const {
+  double density(int material) const {
+    require_index("density: material", material, materials());
     if constexpr (OfMaterials<RheologyT>)
       return rheology_.density(material);
     else
@@ -303,22 +304,28 @@ class Simulation {
   const Array<RigidState<Dim>>& bodies() const { return state_.bodies; }
 
   // Of the last step: forces, nodal fields and problem. They are no part of a state, so these
-  // functions throw std::invalid_argument before the first step and after restore().
+  // functions throw std::invalid_argument before the first step and after restore(), and for an
+  // index that is out of range.
 
   // Force and torque, the mean over δt. What the material and free bodies do to a face of the box
   // or an obstacle, and what all that it touches does to a body (gravity left out). Where several
   // faces that stick meet, they share the tangential force of their common nodes.
   const Wrench<Dim>& face_wrench(int axis, bool upper) const {
     require_step("face_wrench");
-    return wrenches_.at(static_cast<std::size_t>(Bounds::face_id(axis, upper)));
+    require_index("face_wrench: axis", axis, Dim);
+    return wrenches_[Bounds::face_id(axis, upper)];
   }
   const Wrench<Dim>& obstacle_wrench(std::size_t obstacle) const {
     require_step("obstacle_wrench");
-    return wrenches_.at(static_cast<std::size_t>(boundaries().obstacle_id(obstacle)));
+    require_index("obstacle_wrench: obstacle", static_cast<std::ptrdiff_t>(obstacle),
+                  std::ssize(params_.obstacles));
+    return wrenches_[Bounds::obstacle_id(obstacle)];
   }
   const Wrench<Dim>& body_wrench(std::size_t body) const {
     require_step("body_wrench");
-    return wrenches_.at(static_cast<std::size_t>(boundaries().body_id(body)));
+    require_index("body_wrench: body", static_cast<std::ptrdiff_t>(body),
+                  std::ssize(params_.bodies));
+    return wrenches_[boundaries().body_id(body)];
   }
 
   /// All that the next step needs of the last one. Throws as step() does after an update of the
@@ -406,7 +413,9 @@ class Simulation {
     state_.gravity = gravity;
   }
 
-  // Nodal fields of the last step; index with grid().node(...).
+  // Nodal fields of the last step. node: {i, k} or {i, j, k}, from 0 to grid().cells(a); of a
+  // node's number j grid().node_index(j). They throw std::invalid_argument for a node that is not
+  // there.
 
   /// φ_i: material volume at node i over the node's volume outside of obstacles and bodies; 1 is
   /// dense.
@@ -447,12 +456,13 @@ class Simulation {
   /// V_im/V_i: which part of the material at a node is of this one; 0 where there is none.
   double material_fraction(const Index<Dim>& node, int material) const {
     require_step("material_fraction");
+    require_index("material_fraction: material", material, materials());
     const int j = node_number(node);
     const double all = fields_.material_volume[j];
     if constexpr (OfMaterials<RheologyT>)
       return all > 0 ? volumes_by_material(j)[material] / all : 0;
     else
-      return all > 0 && material == 0 ? 1 : 0;
+      return all > 0 ? 1 : 0;
   }
 
   /// The dual problem of the last step with its solution: with cohesion, λ' = λ + (c/μ) I. After a
@@ -550,7 +560,7 @@ class Simulation {
   }
 
   std::size_t nodes() const { return static_cast<std::size_t>(grid_.node_count()); }
-  int node_number(const Index<Dim>& node) const { return grid_.node(grid_.owner(node)); }
+  int node_number(const Index<Dim>& node) const { return grid_.node_in_window(node); }
 
   static double seconds(Clock::time_point from, Clock::time_point to) {
     return std::chrono::duration<double>(to - from).count();

@@ -4,6 +4,7 @@
 #include "talus/core/compiler.hpp"
 
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <locale>
 #include <sstream>
@@ -76,6 +77,13 @@ inline void require_positive(std::string_view name, double value) {
 inline void require_non_negative(std::string_view name, double value) {
   if (!(std::isfinite(value) && value >= 0))
     throw_invalid(name, value, "a finite number >= 0");
+}
+
+/// Throws std::invalid_argument unless 0 <= index < count.
+inline void require_index(std::string_view name, std::ptrdiff_t index, std::ptrdiff_t count) {
+  if (index < 0 || index >= count)
+    throw_invalid(name, index,
+                  count > 0 ? "0 to " + std::to_string(count - 1) : "none: there is not one");
 }
 
 /// What a parameter without a default is until it is given: a scene that forgets it is refused.

@@ -181,6 +181,17 @@ class Grid {
     return n;
   }
 
+  /// Number of the owner of a node. Throws std::invalid_argument if the window does not have it.
+  int node_in_window(const Index<Dim>& index) const {
+    const Index<Dim> there = owner(index);
+    for (int a = 0; a < Dim; ++a)
+      if (const int layer = there[a] - own_.begin[a] + 1; layer < 0 || layer >= node_layers_[a])
+        throw_invalid(std::string("node.") + "xyz"[a], index[a],
+                      std::to_string(own_.begin[a]) + " to " +
+                          std::to_string(std::min(cells(a), own_.begin[a] + node_layers_[a] - 2)));
+    return node(there);
+  }
+
   /// Coordinates of a node: the inverse of node().
   Index<Dim> node_index(int node) const {
     Index<Dim> index;

@@ -40,7 +40,7 @@ class StrainRate {
 
   /// D, d × d, 1/s; zero where there is no material.
   const Mat<Dim>& operator()(const Index<Dim>& node) const {
-    return at_[grid_.node(grid_.owner(node))];
+    return at_[grid_.node_in_window(node)];
   }
 
   /// ‖D‖ = sqrt(D:D/2), 1/s: half of the shear rate of a simple shear.

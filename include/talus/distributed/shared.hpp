@@ -131,6 +131,7 @@ class Shared {
   double pressure(const Index<dimension>& node) const { return stress(node).trace() / dimension; }
   double inertial_number(const Index<dimension>& node) const { return at(node).inertial_number; }
   double material_fraction(const Index<dimension>& node, int material) const {
+    require_index("material_fraction: material", material, materials());
     static_cast<void>(at(node)); // gathers, if that was not done
     return fractions_[static_cast<std::ptrdiff_t>(number(node)) * materials() + material];
   }
@@ -335,6 +336,7 @@ class Shared {
   }
 
   const Node& at(const Index<dimension>& node) const {
+    number(node);
     if (!fields_) {
       part_->problem(); // throws before the others are called if there are no fields
       command(Command::fields);
@@ -342,7 +344,7 @@ class Shared {
     }
     return (*fields_)[number(node)];
   }
-  int number(const Index<dimension>& node) const { return grid_.node(grid_.owner(node)); }
+  int number(const Index<dimension>& node) const { return grid_.node_in_window(node); }
   Array<Node> gather_fields() const {
     Array<Message> out(1);
     const StrainRate<dimension> strain_rate(*part_);

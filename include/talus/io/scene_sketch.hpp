@@ -9,8 +9,8 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
-#include <random>
 
 /// \file
 /// What obstacles and shapes are, told from what they do: they may be any code of the user. Sums
@@ -30,19 +30,22 @@ struct WeightedSum {
   bool same(double other) const { return std::abs(sum - other) <= 1e-6 * size; }
 };
 
-/// Random numbers that are the same everywhere.
+/// Random numbers that are the same everywhere: std::minstd_rand.
 class SketchRandom {
  public:
   /// In [−1/2, 1/2].
-  double centred() {
-    return static_cast<double>(engine_() - engine_.min()) /
-               static_cast<double>(engine_.max() - engine_.min()) -
-           0.5;
-  }
-  int below(int count) { return static_cast<int>(engine_() % static_cast<unsigned>(count)); }
+  double centred() { return static_cast<double>(next() - 1) / (modulus - 2) - 0.5; }
+  int below(int count) { return static_cast<int>(next() % static_cast<unsigned>(count)); }
 
  private:
-  std::minstd_rand engine_{1};
+  static constexpr unsigned modulus = (1U << 31U) - 1;
+
+  unsigned next() {
+    state_ = static_cast<unsigned>(std::uint64_t{state_} * 48271 % modulus);
+    return state_;
+  }
+
+  unsigned state_ = 1;
 };
 
 /// An obstacle at random nodes, at times up to `now` and at some after it.

@@ -30,7 +30,7 @@ struct Boundaries {
   double time;                               ///< s
 
   static int face_id(int axis, bool upper) { return 2 * axis + (upper ? 1 : 0); }
-  int obstacle_id(std::size_t obstacle) const { return 2 * Dim + static_cast<int>(obstacle); }
+  static int obstacle_id(std::size_t obstacle) { return 2 * Dim + static_cast<int>(obstacle); }
   int body_id(std::size_t body) const { return obstacle_id(obstacles.size() + body); }
   std::size_t sources() const { return static_cast<std::size_t>(body_id(bodies.size())); }
 };

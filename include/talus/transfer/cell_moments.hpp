@@ -407,13 +407,11 @@ Vec<Dim> gather_coupling(const Grid<Dim>& grid, const Index<Dim>& index,
     first_moment += corner_first_moment(moments[cell], corner);
   });
   fold_neighbours(grid, index, g);
-  for (int a = 0; a < Dim; ++a) { // what cancels but for rounding
-    const double rounding =
-        64 * std::numeric_limits<double>::epsilon() * stressed * grid.inverse_spacing()[a];
-    for (int k = 0; k < Grid<Dim>::neighbours; ++k)
-      if (std::abs(g(a, k)) <= rounding)
-        g(a, k) = 0;
-  }
+  // what cancels but for rounding
+  const double rounding =
+      64 * std::numeric_limits<double>::epsilon() * stressed * grid.inverse_spacing().maxCoeff();
+  for (double *w = g.data(), *end = w + g.size(); w != end; ++w)
+    *w = std::abs(*w) <= rounding ? 0 : *w;
   return first_moment;
 }
 
