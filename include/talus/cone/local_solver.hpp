@@ -37,7 +37,7 @@ concept PreparesCone = std::constructible_from<S, const typename S::Params&> &&
 ///   - `s.solve(prepared, b, lambda)` → LocalReport, noexcept: λ is a start on entry, the solution
 ///   on
 ///     return.
-/// Models: SecularSolver (default: exact, any size), FischerBurmeisterNewton (the paper's),
+/// Models: SecularSolver (exact, any size), FischerBurmeisterNewton (the paper's),
 /// QuarticSolver and HybridSolver (size 3), ContactSolver (isotropic W), ProjectionSolver. Which
 /// when, and how to write one: docs/local_solvers.md.
 template <class S, class Law, int N>
@@ -53,7 +53,7 @@ concept LocalSolver = PreparesCone<S, Law, N> &&
 ///   - `s.step(prepared, gamma, lambda)`, noexcept: improves λ, given γ = W λ + b at the λ on
 ///   entry;
 ///     leaves λ as it is if and only if that is the solution.
-/// Model: ProjectionStep.
+/// Models: ProjectionStep, LaggingSlipStep.
 template <class S, class Law, int N>
 concept LocalStep = PreparesCone<S, Law, N> &&
     requires(const S s, const typename S::template Prepared<Law, N> prepared, const Vec<N> gamma,

@@ -13,18 +13,15 @@
 #include "talus/dual/colouring.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/particles.hpp"
-#include "talus/step/contacts.hpp"
 #include "talus/step/ranks.hpp"
 #include "talus/step/state.hpp"
 
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <map>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 

@@ -8,21 +8,18 @@
 #include "talus/core/types.hpp"
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
-#include "talus/io/number.hpp"
 #include "talus/io/scene_sketch.hpp"
 #include "talus/particles.hpp"
 #include "talus/simulation.hpp"
 #include "talus/step/state.hpp"
 #include "talus/version.hpp"
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <utility>
 #include <vector>
 

@@ -8,7 +8,6 @@
 #include "talus/particles.hpp"
 #include "talus/scene/fill.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 

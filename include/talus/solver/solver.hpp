@@ -47,7 +47,7 @@ struct [[nodiscard]] SolveReport {
 ///     contacts' impulses from the values they have, keeping `problem.velocity` consistent, until
 ///     the residual of dual/residual.hpp meets the solver's tolerance. The result does not depend
 ///     on the number of threads.
-/// Model: GaussSeidel.
+/// Models: GaussSeidel, InteriorPoint, SweepsThenInteriorPoint.
 template <class S, int Dim>
 concept Solver = std::constructible_from<S, const typename S::Params&> &&
     std::default_initializable<typename S::template Workspace<Dim>> &&

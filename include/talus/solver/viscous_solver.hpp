@@ -40,7 +40,7 @@ struct ViscousParams {
 /// impulses included, to u' with
 /// \f[ (M + δt\, K)\, u' = M u, \quad
 ///     (K u')_j = \sum_i \frac{2 η}{V_i} \,\mathrm{sym}\Bigl( \sum_k u'_k ⊗ g_{ik} \Bigr) g_{ij},
-///     \quad V_i = \sum_p V_p N_i. \f]
+///     \f]
 /// The solver of the dual problem goes on from u'. As u contains the stresses of the last step, a
 /// steady flow is one of viscous and plastic stresses together, without an error of splitting.
 ///
@@ -52,18 +52,18 @@ struct ViscousParams {
 template <int Dim>
 class ViscousSolver {
  public:
-  /// material_volume: V_i, #nodes, m^d; eta: η, Pa s; time_step: δt, s.
-  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& material_volume, double eta,
+  /// stress_volume: V_i, that stress acts on, #nodes, m^d; eta: η, Pa s; time_step: δt, s.
+  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& stress_volume, double eta,
                       const ViscousParams& params, double time_step, const Execution& execution) {
     ViscousReport report;
     if (eta == 0)
       return report;
     const double factor = 2 * eta * time_step;
-    start(problem, material_volume, factor, execution);
+    start(problem, stress_volume, factor, execution);
     Array<Padded>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
-    multiply(problem, material_volume, factor, u, execution);
+    multiply(problem, stress_volume, factor, u, execution);
     Sums sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
       residual_[j] = -free(product_[j], inverse_mass);
       direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
@@ -82,7 +82,7 @@ class ViscousSolver {
         report.status = SolveStatus::not_converged;
       if (report.status != SolveStatus::not_converged || report.iterations == params.max_iterations)
         break;
-      multiply(problem, material_volume, factor, direction_, execution);
+      multiply(problem, stress_volume, factor, direction_, execution);
       const double energy = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
                               product_[j] = free(product_[j], inverse_mass) +
                                             direction_[j].cwiseProduct(mass(inverse_mass));
@@ -100,7 +100,7 @@ class ViscousSolver {
         direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
       });
     }
-    multiply(problem, material_volume, factor, u, execution);
+    multiply(problem, stress_volume, factor, u, execution);
     for_each(problem, execution,
              [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     problem.copies.copy(u, execution);
@@ -166,7 +166,7 @@ class ViscousSolver {
   }
 
   /// The inverse of the diagonal of M + δt K; sizes the workspace.
-  void start(const DualProblem<Dim>& problem, const Array<double>& material_volume, double factor,
+  void start(const DualProblem<Dim>& problem, const Array<double>& stress_volume, double factor,
              const Execution& execution) {
     const std::size_t nodes = problem.velocity.size();
     stencil_ = Stencil<Dim>(problem.grid);
@@ -176,7 +176,7 @@ class ViscousSolver {
     inverse_diagonal_.assign(nodes, Padded::Zero());
     for_each_cone(problem, execution, inverse_diagonal_, [&](std::size_t i) {
       const int node = problem.node[i];
-      const double weight = factor / material_volume[node];
+      const double weight = factor / stress_volume[node];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k) {
           // e_a · sym(e_a ⊗ g) g = (|g|² + g_a²)/2
@@ -194,8 +194,8 @@ class ViscousSolver {
   }
 
   /// product_ = δt K v.
-  void multiply(const DualProblem<Dim>& problem, const Array<double>& material_volume,
-                double factor, Array<Padded>& v, const Execution& execution) {
+  void multiply(const DualProblem<Dim>& problem, const Array<double>& stress_volume, double factor,
+                Array<Padded>& v, const Execution& execution) {
     problem.copies.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       std::fill(product_.begin() + begin, product_.begin() + end, Padded::Zero());
@@ -205,7 +205,7 @@ class ViscousSolver {
       const GradientWeights<Dim>& g = problem.gradient_weights[i];
       const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);
       const Mat<Dim> square = gradient.template topRows<Dim>();
-      const Mat<Dim> stress = factor / (2 * material_volume[node]) * (square + square.transpose());
+      const Mat<Dim> stress = factor / (2 * stress_volume[node]) * (square + square.transpose());
       Padded* force = product_.data() + node;
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k)

@@ -8,7 +8,6 @@
 #include "talus/solver/viscous_solver.hpp"
 #include "talus/step/node_fields.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <string_view>

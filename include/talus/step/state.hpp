@@ -10,7 +10,6 @@
 #include "talus/dual/problem.hpp"
 #include "talus/particles.hpp"
 #include "talus/step/boundaries.hpp"
-#include "talus/step/free_bodies.hpp"
 
 #include <algorithm>
 #include <charconv>

@@ -27,8 +27,9 @@ struct VelocityField {
 template <int Dim>
 struct GridSample : VelocityField<Dim> {
   Vec<Dim> velocity_before; ///< Σ N_i u*_i: the velocity that came from the particles, m/s
-  /// tr ∇u in the middle of the cell less the mean of what its nodes see, Σ_j u_j·g_ij/Σ V_p N_i,
-  /// 1/s: a part of the divergence on which no stress acts. For multilinear fields only.
+  /// tr ∇u in the middle of the cell less the mean of what its nodes see, Σ_j u_j·g_ij/V_i, V_i
+  /// what stress acts on, 1/s: a part of the divergence on which no stress acts. For multilinear
+  /// fields only.
   double divergence_error;
   double cell_fill; ///< Σ V_p of the particle's cell over the cell's volume. As above.
 };
