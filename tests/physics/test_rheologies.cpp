@@ -244,6 +244,28 @@ TEST_CASE("a cohesive blob holds together, moves on as it did, and is at rest if
   }
 }
 
+TEST_CASE("cohesion and viscosity that are 0 are none, to the last bit") {
+  using Plain = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
+  auto params = box<2>(0.01, {20, 12}, 0.4);
+  params.gravity = {1, -g};
+  Plain::Params plain;
+  plain.grid = params.grid;
+  plain.material = params.material;
+  plain.gravity = params.gravity;
+  plain.time_step = params.time_step;
+  plain.faces = params.faces;
+  plain.rheology = {.law = params.rheology.law, .inertial = params.rheology.inertial};
+  const auto particles = block<2>(params, {0.02, 0}, {0.1, 0.1}, {.per_axis = 3});
+  Sim<2> with(params, particles);
+  Plain without(plain, particles);
+  for (int n = 0; n < 40; ++n) {
+    CHECK(with.step().completed());
+    CHECK(without.step().completed());
+  }
+  CHECK(with.particles().position == without.particles().position);
+  CHECK(with.particles().velocity == without.particles().velocity);
+}
+
 TEST_CASE("a viscous layer on a rough slope: u = rho g sin(theta) (H z − z²/2)/eta") {
   const double height = 0.1, eta = density * std::sqrt(g * height) * height;
   const int cells = 10;

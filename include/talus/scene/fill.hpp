@@ -148,7 +148,7 @@ std::size_t fill_bed(Particles<Dim, Real>& particles, const Grid<Dim>& grid, dou
 /// exact to rounding where the region's faces lie on the lattice, to about 1e-3 for balls and boxes
 /// ten shares across that have a distance (tested), to about a tenth of a share at the surface
 /// without. A face that cuts less than an eighth off a layer of shares leaves that out: no particle
-/// has room there.
+/// has room there. Of a region that reaches out of the grid the part inside is filled.
 ///
 /// Returns the number added. Throws std::invalid_argument if a parameter is out of range, if the
 /// region is empty, outside of the grid or too thin to hold a particle, holds particles already, or
