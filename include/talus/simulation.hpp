@@ -670,16 +670,15 @@ class Simulation {
     problem_.stress_impulse.resize(cones);
     for_each_cone([&](std::size_t i) { work_.cone[problem_.node[i]] = static_cast<int>(i); });
     solids_.find(grid_, work_.cone, cones);
-    const bool cohesive = is_cohesive(rheology_);
-    const Room<Dim> room{params_.faces,    params_.packing, cohesive, stencil_,
-                         state_.time_step, fields_,         work_,    problem_};
+    const Room<Dim> room{params_.faces, params_.packing, stencil_, state_.time_step,
+                         fields_,       work_,           problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
     problem_.copies.copy(fields_.stress_volume, execution_);
-    if (params_.packing.even || cohesive) {
+    if (params_.packing.even || has_cohesion<RheologyT>()) {
       problem_.copies.copy(work_.excess, execution_);
       problem_.copies.copy(work_.strain, execution_);
       for_each_cone([&](std::size_t i) {
-        room.set_inside(i);
+        room.set_inside(i, coheres(problem_.node[i]));
         if constexpr (has_cohesion<RheologyT>()) // hangs on k_i
           problem_.opening[i] = friction(i);
       });
@@ -696,10 +695,17 @@ class Simulation {
     fields_.open_fraction[j] = solids_.look(boundaries(), i, grid_.node_position(index));
     problem_.node_volume[i] = fields_.open_fraction[j] * grid_.node_volume(index);
     problem_.stress_impulse[i] = ratio * state_.stress_impulse[j];
-    room.set(i, index, first_moment);
+    room.set(i, index, first_moment, coheres(j));
     problem_.opening[i] = friction(i);
   }
 
+  /// Has any of a node's material cohesion?
+  bool coheres([[maybe_unused]] int node) const {
+    const double* volumes = nullptr;
+    if constexpr (OfMaterials<RheologyT>)
+      volumes = volumes_by_material(node);
+    return node_cohesion(rheology_, volumes) > 0;
+  }
   /// V_jm, #materials.
   const double* volumes_by_material(int node) const {
     return fields_.volume_by_material.data() + std::ptrdiff_t{node} * materials();

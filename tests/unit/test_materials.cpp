@@ -183,6 +183,10 @@ TEST_CASE("materials: friction and cohesion of a node by hand") {
   CHECK(problem.stress_impulse[0][0] == about(0.5 * 25 / 0.5));
   problem.free_volume_rate = {1e-9};
   CHECK(cone_cohesion(two, problem, 0, by_node) == 0);
+  CHECK(node_cohesion(two, volumes) == about(25));
+  CHECK(node_cohesion(two, by_node) == about(50));
+  const double fine_alone[] = {2, 0};
+  CHECK(node_cohesion(two, fine_alone) == 0);
   // what a node has none of does not count, not even infinity
   const double one[] = {0, 2};
   flow.pressure = -100;

@@ -76,7 +76,7 @@ struct RoomAtNode : Scene<Dim> {
 
   RoomAtNode() { this->add_cone(2, 2); }
   Room<Dim> room() {
-    return {this->faces, packing, cohesive, stencil, 0.5, this->fields, this->work, this->problem};
+    return {this->faces, packing, stencil, 0.5, this->fields, this->work, this->problem};
   }
   double room_now() const { // k_N = sqrt(d/2) room v/(d δt)
     return this->problem.free_volume_rate[0] * Dim * 0.5 /
@@ -88,7 +88,7 @@ struct RoomAtNode : Scene<Dim> {
     this->fields.material_volume[middle] = material;
     this->fields.stress_volume[middle] = material;
     this->shear(0, strain * material / 0.5); // |γ̇| δt = 2 (weight/2)/material δt
-    room().set(0, this->index(2, 2), material * mean);
+    room().set(0, this->index(2, 2), material * mean, cohesive);
     return room_now();
   }
 
@@ -203,9 +203,8 @@ TEST_CASE("room: surfaces at faces") {
     const double half = 0.5 * s.problem.node_volume[cone];
     s.fields.material_volume[s.node(i, k)] = half;
     const Packing packing{.slack = 0.0625};
-    const Room<2> set{s.faces, packing,  false,  Stencil<2>(s.grid),
-                      0.5,     s.fields, s.work, s.problem};
-    set.set(cone, s.index(i, k), half * mean);
+    const Room<2> set{s.faces, packing, Stencil<2>(s.grid), 0.5, s.fields, s.work, s.problem};
+    set.set(cone, s.index(i, k), half * mean, false);
     return s.problem.free_volume_rate[cone] / s.problem.node_volume[cone]; // 2 δt = 1
   };
   Scene<2> s;
@@ -230,7 +229,7 @@ TEST_CASE("room: in the midst of dense material neighbours must agree") {
   for (const auto& [i, k] : {std::pair(1, 2), {3, 2}, {2, 1}, {2, 3}})
     s.fields.material_volume[s.node(i, k)] = 0.125; // there is no surface
   const auto inside = [&] {
-    s.room().set_inside(0);
+    s.room().set_inside(0, s.cohesive);
     return s.room_now();
   };
   CHECK(s.set(1.5, 0.25) == about(-0.125));
@@ -248,7 +247,7 @@ TEST_CASE("room: in the midst of dense material neighbours must agree") {
   CHECK(inside() == 0); // dense by chance
   s.work.excess[s.middle] = not_inside;
   s.problem.free_volume_rate[0] = 17;
-  s.room().set_inside(0);
+  s.room().set_inside(0, s.cohesive);
   CHECK(s.problem.free_volume_rate[0] == 17);
 }
 
@@ -259,7 +258,7 @@ TEST_CASE("room: what coheres is loose only if its neighbours are, too, but for 
   for (const auto& [i, k] : {std::pair(1, 2), {3, 2}, {2, 1}, {2, 3}})
     s.fields.material_volume[s.node(i, k)] = 0.125; // there is no surface
   const auto inside = [&] {
-    s.room().set_inside(0);
+    s.room().set_inside(0, s.cohesive);
     return s.room_now();
   };
   CHECK(s.set(0.75) == about(0.1875)); // until it is asked again

@@ -55,19 +55,15 @@ constexpr bool has_cohesion() {
     return Cohesive<R>;
 }
 
-/// Has any of its materials cohesion?
+/// c of a node if it is dense, Pa. volumes: of each material there, m^d; read if there are several.
 template <Rheology R>
-bool is_cohesive([[maybe_unused]] const R& rheology) {
-  if constexpr (!has_cohesion<R>()) {
-    return false;
-  } else if constexpr (OfMaterials<R>) {
-    bool any = false;
-    for (int m = 0; m < rheology.materials(); ++m)
-      any = any || cohesion_of(rheology.law(m)) > 0;
-    return any;
-  } else {
-    return rheology.cohesion() > 0;
-  }
+double node_cohesion([[maybe_unused]] const R& rheology, [[maybe_unused]] const double* volumes) {
+  if constexpr (!has_cohesion<R>())
+    return 0;
+  else if constexpr (OfMaterials<R>)
+    return mean_by_volume(rheology, volumes, [](const auto& law) { return cohesion_of(law); });
+  else
+    return rheology.cohesion();
 }
 
 /// c_i, Pa, of cone i: where the medium is dense. volume_by_material: see NodeFields; read if there
@@ -81,11 +77,8 @@ double cone_cohesion(const R& rheology, const DualProblem<Dim>& problem, std::si
     if (!(problem.free_volume_rate[i] <= 0))
       return 0;
     if constexpr (OfMaterials<R>)
-      return mean_by_volume(
-          rheology, volume_by_material + std::ptrdiff_t{problem.node[i]} * rheology.materials(),
-          [](const auto& law) { return cohesion_of(law); });
-    else
-      return rheology.cohesion();
+      volume_by_material += std::ptrdiff_t{problem.node[i]} * rheology.materials();
+    return node_cohesion(rheology, volume_by_material);
   }
 }
 

@@ -23,7 +23,6 @@ template <int Dim>
 struct Room {
   const Faces<Dim>& faces;
   const Packing& packing;
-  bool cohesive; ///< does any of the material have cohesion?
   const Stencil<Dim>& stencil;
   double time_step; ///< s
   const NodeFields& fields;
@@ -31,8 +30,10 @@ struct Room {
   DualProblem<Dim>& problem;
 
   /// Sets k_i of a cone at a surface or beside solids, or else what set_inside() needs.
-  /// first_moment: Σ V_p N_i (x_p − x_i)/h by axis, m^d.
-  void set(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment) const {
+  /// first_moment: Σ V_p N_i (x_p − x_i)/h by axis, m^d; cohesive: has any of the node's material
+  /// cohesion?
+  void set(std::size_t i, const Index<Dim>& index, const Vec<Dim>& first_moment,
+           bool cohesive) const {
     const int j = problem.node[i];
     const double material = fields.material_volume[j], volume = problem.node_volume[i];
     const bool in_the_open = fields.open_fraction[j] == 1; // beside solids the plain rule holds
@@ -61,7 +62,7 @@ struct Room {
   }
 
   /// Sets k_i of a cone in the midst of dense material, from the packing of its neighbours as well.
-  void set_inside(std::size_t i) const {
+  void set_inside(std::size_t i, bool cohesive) const {
     const int j = problem.node[i];
     if (!(work.excess[j] < not_inside))
       return;
