@@ -749,23 +749,16 @@ TEST_CASE("with cfl an obstacle does not jump into the material, and matters onl
 }
 
 TEST_CASE("nodes, faces, obstacles, bodies and materials that are not there are refused by name") {
-  using Sim = Simulation<2, ConstantFriction, PolyPic, GaussSeidel<>>;
-  Sim::Params params;
-  params.grid = {.origin = {0, 0}, .size = {0.4, 0.2}, .cells = {4, 2}};
-  params.material.density = 1500;
-  params.gravity = {0, -9.81};
-  params.time_step = 1e-3;
-  params.rheology.mu = 0.44;
-  params.faces = Faces<2>::all({FaceKind::no_slip});
+  const auto params = box();
   Particles<2> sand;
   fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {0.2, 0.2}, {.per_axis = 2});
-  Sim sim(params, sand);
+  Sim<> sim(params, sand);
   REQUIRE(sim.step().completed());
   const auto refused = [](const auto& call) {
     return message_of<std::invalid_argument>([&] { static_cast<void>(call()); });
   };
-  CHECK(refused([&] { return sim.pressure({45, 1}); }) == "node.x is 45; allowed: 0 to 4");
-  CHECK(refused([&] { return sim.volume_fraction({0, -2}); }) == "node.y is -2; allowed: 0 to 2");
+  CHECK(refused([&] { return sim.pressure({45, 1}); }) == "node.x is 45; allowed: 0 to 20");
+  CHECK(refused([&] { return sim.volume_fraction({0, -2}); }) == "node.y is -2; allowed: 0 to 10");
   CHECK(sim.volume_fraction({1, 1}) > 0.9);
   CHECK(refused([&] { return sim.face_wrench(2, false); }) ==
         "face_wrench: axis is 2; allowed: 0 to 1");

@@ -11,12 +11,10 @@
 #include "talus/io/atomic_file.hpp"
 #include "talus/io/bytes.hpp"
 
-#include <algorithm>
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <system_error>
-#include <utility>
 
 namespace talus {
 
@@ -117,21 +115,6 @@ void write_matrix_market(const std::filesystem::path& folder, const DualProblem<
     }
     mu.push_back(contact.friction);
   }
-
-  // In a periodic box of one or two cells a node is a neighbour in two ways.
-  std::sort(entries.begin(), entries.end(), [](const Triplet& a, const Triplet& b) {
-    return std::pair(a.row, a.column) < std::pair(b.row, b.column);
-  });
-  std::size_t kept = 0;
-  for (std::size_t e = 0; e < entries.size(); ++e)
-    if (kept > 0 && entries[kept - 1].row == entries[e].row &&
-        entries[kept - 1].column == entries[e].column) {
-      entries[kept - 1].value += entries[e].value;
-      entries[kept - 1].momentum += entries[e].momentum;
-    } else {
-      entries[kept++] = entries[e];
-    }
-  entries.resize(kept);
 
   std::error_code error;
   std::filesystem::create_directories(folder, error);
