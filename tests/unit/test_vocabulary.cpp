@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
-// Tensors, grid, shape functions, seeding.
+// Tensors, exact sums, grid, shape functions, seeding.
 
+#include "talus/core/exact_sum.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/scene/fill.hpp"
@@ -9,7 +10,9 @@
 
 #include <doctest/doctest.h>
 
+#include <cmath>
 #include <limits>
+#include <vector>
 
 namespace test_vocabulary {
 
@@ -136,6 +139,41 @@ void check_shape_functions() {
 TEST_CASE("symmetric tensors keep inner products as vectors") {
   check_tensors<2>();
   check_tensors<3>();
+}
+
+TEST_CASE("exact sums are rounded once, to nearest, whatever the exponents") {
+  const auto sum = [](const std::vector<double>& terms, int exponent = 0) {
+    ExactSum all;
+    for (const double x : terms)
+      all.add(std::ldexp(x, exponent));
+    return all.value();
+  };
+  constexpr double next = 1 + 0x1p-52;
+  for (int e = -900; e < 900; ++e) {
+    const auto shifted = [&](double x) { return std::ldexp(x, e); };
+    CHECK(sum({1, 0x1p-53}, e) == shifted(1)); // ties to even
+    CHECK(sum({next, 0x1p-53}, e) == shifted(1 + 0x1p-51));
+    CHECK(sum({1, 0x1p-53, 0x1p-120}, e) == shifted(next));
+    CHECK(sum({1, 0x1p-53, -0x1p-120}, e) == shifted(1));
+    CHECK(sum({-1, -0x1p-53, -0x1p-120}, e) == shifted(-next));
+    CHECK(sum({1, 0x1p70, 0x1p-100, -0x1p70, -1}, e) == shifted(0x1p-100));
+  }
+  constexpr double least = std::numeric_limits<double>::denorm_min();
+  CHECK(sum({}) == 0);
+  CHECK(sum({1, -1}) == 0);
+  CHECK(sum({least, least, -0.0}) == 2 * least);
+  CHECK(sum({std::numeric_limits<double>::min(), -least}) ==
+        std::numeric_limits<double>::min() - least);
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  CHECK(sum({std::numeric_limits<double>::max(), std::numeric_limits<double>::max()}) == infinity);
+  CHECK(sum({1, -infinity}) == -infinity);
+  CHECK(std::isnan(sum({infinity, -infinity})));
+  Random random(3);
+  std::vector<double> terms;
+  for (int k = 0; k < 1000; ++k)
+    terms.push_back((random.uniform() - 0.5) * std::ldexp(1.0, k % 40));
+  for (int e = 1; e < 64; ++e)
+    CHECK(sum(terms, e) == std::ldexp(sum(terms), e));
 }
 
 TEST_CASE("grid: numbers, volumes and neighbours agree") {

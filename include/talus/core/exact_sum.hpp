@@ -51,8 +51,8 @@ class ExactSum {
     words_[digits - 1] += carry;
   }
 
-  /// The sum, to within two units in the last place; as a loop of additions would have it if there
-  /// were infinities or NaNs.
+  /// The sum, rounded to nearest, ties to even; as a loop of additions would have it if there were
+  /// infinities or NaNs.
   double value() {
     constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
     if (words_[nan] > 0 || (words_[infinite] > 0 && words_[minus_infinite] > 0))
@@ -80,14 +80,24 @@ class ExactSum {
 
   static std::int64_t signed_of(std::uint64_t x) { return static_cast<std::int64_t>(x); }
 
+  std::uint64_t digit(int k) const { return k < 0 ? 0 : static_cast<std::uint64_t>(words_[k]); }
+
   double magnitude() const {
     int top = digits - 1;
     while (top > 0 && words_[top] == 0)
       --top;
-    double sum = 0;
-    for (int k = top > 2 ? top - 2 : 0; k <= top; ++k) // lower ones are below the last place
-      sum += std::ldexp(static_cast<double>(words_[k]), 32 * k - 1074);
-    return sum;
+    std::uint64_t leading = digit(top) << 32U | digit(top - 1);
+    if (leading == 0)
+      return 0;
+    const int shift = std::countl_zero(leading); // < 32
+    const std::uint64_t next = digit(top - 2) << shift;
+    leading = leading << shift | next >> 32U;
+    bool rest = (next & 0xffffffffU) != 0;
+    for (int k = top - 3; k >= 0 && !rest; --k)
+      rest = words_[k] != 0;
+    // 64 bits, and what is below them decides ties.
+    return std::ldexp(static_cast<double>(leading | (rest ? 1U : 0U)),
+                      32 * (top - 1) - 1074 - shift);
   }
 
   SmallArray<std::int64_t, size> words_{};
