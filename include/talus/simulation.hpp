@@ -55,7 +55,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstddef>
-#include <exception>
 #include <iterator>
 #include <memory>
 #include <string>
@@ -123,7 +122,7 @@ class Simulation {
       : params_(std::move(params)),
         execution_(params_.threads, params_.ranks ? &params_.ranks->communicator() : nullptr),
         rheology_(params_.rheology), transfer_(params_.transfer), solver_(params_.solver) {
-    check_materials(particles, materials());
+    execution_.check_on_all([&] { check_materials(particles, materials()); });
     if (params_.ranks)
       params_.ranks->deal(params_.grid, params_.faces.periodic(), particles);
     use_window();
@@ -168,8 +167,7 @@ class Simulation {
                     "0 to " + std::to_string(materials() - 1) +
                         ": indices into the list of materials");
     check_particles(state_.particles, grid_);
-    check_overfilled(state_.particles, grid_, params_.packing.densest, &problem_.copies,
-                     &execution_);
+    execution_.check_on_all([&] { check_packing(); });
     bodies_ = start_bodies(params_.bodies, grid_, params_.faces, node_order_.nodes(), execution_,
                            state_.bodies);
     problem_.bodies.resize(state_.bodies.size());
@@ -369,8 +367,10 @@ class Simulation {
   /// would be filled twice; see the constructor.
   void add(const ParticleData& more) {
     require_whole();
-    check_materials(more, materials());
-    check_particles(more, grid_);
+    execution_.check_on_all([&] {
+      check_materials(more, materials());
+      check_particles(more, grid_);
+    });
     ParticleData& particles = state_.particles;
     const std::size_t first_id = particles.next_id, next_id = first_id + more.size();
     if (execution_.first_rank())
@@ -378,31 +378,32 @@ class Simulation {
     particles.next_id = next_id;
     if (params_.ranks)
       params_.ranks->migrate(particles);
-    std::exception_ptr refusal;
     try {
-      check_overfilled(particles, grid_, params_.packing.densest, &problem_.copies, &execution_);
+      execution_.check_on_all([&] { check_packing(); });
     } catch (...) {
-      refusal = std::current_exception();
+      ExactSum unused;
+      take_out(
+          particles, [&](std::size_t p) { return particles.id[p] >= first_id; }, unused);
+      particles.next_id = first_id;
+      throw;
     }
-    if (execution_.largest(refusal ? 1 : 0) == 0)
-      return;
-    ExactSum unused;
-    take_out(
-        particles, [&](std::size_t p) { return particles.id[p] >= first_id; }, unused);
-    particles.next_id = first_id;
-    if (refusal)
-      std::rethrow_exception(refusal);
-    throw_invalid("add(): the number of other ranks that refuse the particles", "not 0", "0");
   }
 
   /// Takes out, between two steps, the particles p of particles() with leaves(p) → bool, and
   /// returns how many and their volume (m^d). No report counts them. All may go. If leaves throws,
-  /// nothing has changed. Collective with several ranks: each takes out its own.
+  /// nothing has changed. Collective with several ranks: each takes out its own, and if leaves
+  /// throws on one, remove() throws on all.
   template <class Leaves>
   Outflow remove(const Leaves& leaves) {
     require_whole();
+    Array<char> leaving(state_.particles.size(), 0);
+    execution_.check_on_all([&] {
+      for (std::size_t p = 0; p < leaving.size(); ++p)
+        leaving[p] = leaves(p) ? 1 : 0;
+    });
     ExactSum volume;
-    const std::size_t removed = execution_.sum(take_out(state_.particles, leaves, volume));
+    const std::size_t removed = execution_.sum(take_out(
+        state_.particles, [&](std::size_t p) { return leaving[p] != 0; }, volume));
     execution_.join(&volume, 1);
     return {removed, volume.value()};
   }
@@ -526,6 +527,11 @@ class Simulation {
     if (!stepped_)
       throw_invalid(std::string(what) + "(): the number of steps since the start or a restore", 0,
                     "at least 1: it belongs to the last step");
+  }
+
+  void check_packing() const {
+    check_overfilled(state_.particles, grid_, params_.packing.densest, &problem_.copies,
+                     &execution_);
   }
 
   template <class Law>

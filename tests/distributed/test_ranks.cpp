@@ -20,6 +20,8 @@
 #include "talus/io/matrix_market.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/io/vtk.hpp"
+#include "talus/scene/fill.hpp"
+#include "talus/scene/source.hpp"
 #include "talus/solver/interior_point.hpp"
 #include "talus/solver/sweeps_then_interior_point.hpp"
 
@@ -716,6 +718,137 @@ TEST_CASE("parallel VTK: each particle and each cell with material in one piece"
   check_vtk(contacts<2>());
   check_vtk(contacts<3>());
   check_vtk(scenes::chute<2>());
+}
+
+TEST_CASE("ranks: what one refuses is refused on all") { // or the others would wait for it
+  using S = scenes::Sim<2>;
+  const scenes::Scene<S> scene = scenes::sliding_block<2>();
+  const auto rank = static_cast<std::size_t>(mpi->rank());
+  const auto ranks_count = static_cast<std::size_t>(mpi->size());
+  const auto refused = [&](const S::Params& params, const S::ParticleData& particles,
+                           const char* reason) {
+    S::Params with = params;
+    with.ranks = ranks<S>();
+    const std::string message = message_of<std::invalid_argument>([&] { S(with, particles); });
+    INFO(message);
+    CHECK(contains(message, reason));
+    SharedFolder::wait();
+  };
+  // filled twice where one rank looks
+  S::ParticleData twice = scene.particles;
+  for (std::size_t p = 0; p < scene.particles.size(); ++p)
+    if (scene.particles.position[p][0] > 0.28)
+      for (int n = 0; n < 3; ++n)
+        twice.add(scene.particles.position[p], {0, 0}, scene.particles.volume[p]);
+  refused(scene.params, twice, "what is filled twice has 2");
+  CHECK(contains(
+      message_of<std::invalid_argument>([&] { distributed::Shared<S>(scene.params, twice); }),
+      "what is filled twice has 2"));
+  SharedFolder::wait();
+  // particles of one rank alone
+  S::ParticleData mine;
+  for (std::size_t p = rank; p < scene.particles.size(); p += ranks_count) {
+    mine.resize(mine.size() + 1);
+    mine.copy(mine.size() - 1, scene.particles, p);
+  }
+  mine.next_id = scene.particles.next_id;
+  S::ParticleData wrong = mine;
+  if (rank + 1 == ranks_count)
+    wrong.velocity[0][0] = std::nan("");
+  refused(scene.params, wrong, "a particle's velocity");
+  wrong = mine;
+  if (rank + 1 == ranks_count) {
+    wrong.resize_material(wrong.size());
+    wrong.material[0] = 7;
+  }
+  refused(scene.params, wrong, "a particle's material");
+
+  S::Params params = scene.params;
+  params.ranks = ranks<S>();
+  S sim(params, mine);
+  const std::string before = checksum(sim);
+  CHECK_THROWS_AS(sim.add(wrong), std::invalid_argument);
+  const auto leaves = [&](std::size_t p) {
+    if (sim.particles().id[p] == 3)
+      throw std::invalid_argument("it stays");
+    return true;
+  };
+  CHECK(message_of<std::invalid_argument>([&] { sim.remove(leaves); }) == "it stays");
+  CHECK(checksum(sim) == before);
+  CHECK(sim.step().completed());
+}
+
+TEST_CASE("ranks: particles that each has counted from 0 are refused, not lost") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  scene.params.ranks = ranks<S>();
+  S::ParticleData mine; // as many on each, from right to left: most are not in the rank's own nodes
+  const double width = 0.48 / mpi->size(), right = 0.48 - width * mpi->rank();
+  fill_box<2>(mine, Grid<2>(scene.params.grid), {right - width, 0}, {right, 0.06}, {.per_axis = 2});
+  if (mpi->size() > 1)
+    CHECK(contains(message_of<std::invalid_argument>([&] { S(scene.params, mine); }),
+                   "the id of particles of two ranks"));
+}
+
+TEST_CASE("ranks: the first particles of one of them count as for one process") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  const Grid<2> grid(scene.params.grid);
+  const double volume = grid.cell_volume() / 4; // one a step
+  const auto source = [&](double x, double start) {
+    return make_source<2>(grid, {.lower = {x, 0},
+                                 .upper = {x + 0.06, 0.08},
+                                 .flux = volume / scene.params.time_step,
+                                 .time = {.start = start},
+                                 .seeding = {.per_axis = 2}});
+  };
+  scene.params.exchange = together<2>({source(0.9, 0), source(0, 5 * scene.params.time_step)});
+  S alone(scene.params, {});
+  scene.params.ranks = ranks<S>();
+  S shared(scene.params, {}); // the right end is not the rank's that has the left one
+  for (int n = 0; n < 10; ++n) {
+    const StepReport one = alone.step();
+    check_same(alone, one, shared, shared.step());
+    CHECK(checksum(shared) == checksum(alone));
+  }
+  CHECK(alone.particles().size() > 8);
+}
+
+TEST_CASE("ranks: fields of a shared simulation are those of one process, rounding included") {
+  using S = scenes::Sim<2>;
+  scenes::Scene<S> scene = scenes::sliding_block<2>();
+  scene.params.grid = {.origin = {3.33, 0}, .size = {0.16, 0.08}, .cells = {8, 4}};
+  scene.particles = {};
+  for (int k = 0; k < 40; ++k) // on a face: the nodes a cell before it get nothing but rounding
+    scene.particles.add({3.33 + 0.16, 0.002 * k}, {0, 0}, 1e-6);
+  S alone(scene.params, scene.particles);
+  static_cast<void>(alone.step());
+  try {
+    distributed::Shared<S> sim(scene.params, scene.particles);
+    static_cast<void>(sim.step());
+    int below = 0;
+    for (int i = 0; i <= 8; ++i)
+      for (int k = 0; k <= 4; ++k) {
+        const Index<2> node{i, k};
+        below += alone.volume_fraction(node) < 0;
+        CHECK(sim.volume_fraction(node) == alone.volume_fraction(node));
+        CHECK(sim.velocity(node) == alone.velocity(node));
+        CHECK(sim.stress(node) == alone.stress(node));
+      }
+    CHECK(below > 0);
+  } catch (const distributed::Served&) {
+    CHECK(mpi->rank() > 0);
+  }
+}
+
+TEST_CASE("ranks: a checkpoint of one process is not made of a part") {
+  using S = scenes::Sim<2>;
+  const SharedFolder folder;
+  OnRanks<S> run(scenes::sliding_block<2>(), mpi);
+  if (mpi->size() > 1)
+    CHECK_THROWS_AS(write_checkpoint(folder / "part.talus", run.sim), std::invalid_argument);
+  SharedFolder::wait();
+  CHECK(folder.files() == std::set<std::string>());
 }
 
 int main(int argc, char** argv) {

@@ -61,6 +61,8 @@ TEST_CASE("single precision particles: a column collapses alike") {
   CHECK(front > 0.12);
   CHECK(front_position(measure_profile(other), 0.01) == support::about(front, 2e-3));
   CHECK(volume_under_surface(other) == support::about(volume_under_surface(one), 1e-3));
+  CHECK(largest_speed(other) == support::about(largest_speed(one), 1e-2));
+  CHECK(farthest_at_rest(other.particles(), 1) == support::about(front, 0.05));
   CHECK(state_checksum(one.particles()) != state_checksum(other.particles()));
 }
 

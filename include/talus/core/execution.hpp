@@ -17,6 +17,8 @@
 #include <memory>
 #include <mutex>
 #include <ratio>
+#include <stdexcept>
+#include <string>
 #include <thread>
 #include <type_traits>
 #include <vector>
@@ -368,6 +370,45 @@ class Execution {
   void join(ExactSum* sums, int count) const {
     if (communicator_)
       communicator_->sum(sums, count);
+  }
+
+  /// Calls check(). If it throws on some ranks, all throw, those what it threw, and the others
+  /// std::invalid_argument with the message of the lowest of these: else they would wait for ranks
+  /// that are gone. What check() has to do with other ranks must come before it throws.
+  template <class Check>
+  void check_on_all(const Check& check) const {
+    if (!communicator_) {
+      check();
+      return;
+    }
+    std::exception_ptr refusal;
+    std::string message;
+    try {
+      check();
+    } catch (const std::exception& error) {
+      refusal = std::current_exception();
+      message = error.what();
+    } catch (...) {
+      refusal = std::current_exception();
+      message = "an exception of unknown type";
+    }
+    const int ranks = communicator_->size();
+    std::int64_t lowest = refusal ? ranks - communicator_->rank() : 0; // the higher, the lower
+    communicator_->maximum(&lowest, 1);
+    if (lowest == 0)
+      return;
+    Array<Message> out;
+    if (communicator_->rank() == ranks - lowest)
+      for (int to = 0; to < ranks; ++to) {
+        out.emplace_back();
+        out.back().rank = to;
+        out.back().bytes.insert(out.back().bytes.end(), message.begin(), message.end());
+      }
+    const Array<Message> in = communicator_->deliver(out);
+    if (refusal)
+      std::rethrow_exception(refusal);
+    throw std::invalid_argument(in.empty() ? std::string()
+                                           : std::string(in[0].bytes.begin(), in[0].bytes.end()));
   }
 
   const Communicator* communicator() const { return communicator_; } ///< null: one rank

@@ -12,7 +12,8 @@
 namespace talus {
 
 /// A 64-bit fingerprint of all bits of the particles' state, whatever their order: the sum, modulo
-/// 2^64, of one for each particle. Those of ranks are to be added up.
+/// 2^64, of one for each particle. Those of ranks are to be added up. Arrays that may be left out
+/// count as what they stand for, zeros: a rank may have none where one process has them.
 template <int Dim, class Real>
 std::uint64_t state_fingerprint(const Particles<Dim, Real>& particles) {
   std::uint64_t sum = 0;
@@ -26,10 +27,10 @@ std::uint64_t state_fingerprint(const Particles<Dim, Real>& particles) {
     add_all(particles.position[p]);
     add_all(particles.velocity[p]);
     add_all(particles.affine[p]);
-    if (!particles.mixed.empty())
+    if (!particles.mixed.empty() && !particles.mixed[p].isZero(0))
       add_all(particles.mixed[p]);
     fingerprint.add(std::bit_cast<std::uint64_t>(static_cast<double>(particles.volume[p])));
-    if (!particles.material.empty())
+    if (!particles.material.empty() && particles.material[p] != 0)
       fingerprint.add(static_cast<std::uint64_t>(particles.material[p]));
     const std::uint64_t bits = fingerprint.value(); // of FNV the high ones hang on few low ones
     sum += (bits ^ (bits >> 32U)) * 0x9e3779b97f4a7c15U;

@@ -203,7 +203,7 @@ double largest_speed(const Flow& flow) {
     return flow.largest_speed();
   double largest = 0;
   for (const auto& v : flow.particles().velocity)
-    largest = std::max(largest, v.squaredNorm());
+    largest = std::max(largest, v.template cast<double>().squaredNorm());
   return std::sqrt(largest);
 }
 
@@ -219,11 +219,11 @@ double highest_particle(const Flow& flow) {
 }
 
 /// Largest x of the particles that are not faster than `speed` (m/s), m; -infinity without any.
-template <int Dim>
-double farthest_at_rest(const Particles<Dim>& particles, double speed) {
+template <int Dim, class Real>
+double farthest_at_rest(const Particles<Dim, Real>& particles, double speed) {
   double farthest = -std::numeric_limits<double>::infinity();
   for (std::size_t p = 0; p < particles.size(); ++p)
-    if (particles.velocity[p].norm() <= speed)
+    if (particles.velocity[p].template cast<double>().norm() <= speed)
       farthest = std::max(farthest, particles.position[p][0]);
   return farthest;
 }

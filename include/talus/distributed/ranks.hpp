@@ -5,9 +5,11 @@
 #include "talus/core/bytes_of.hpp"
 #include "talus/core/communicator.hpp"
 #include "talus/core/error.hpp"
+#include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
 #include "talus/core/halo.hpp"
 #include "talus/core/types.hpp"
+#include "talus/diagnostics/checksum.hpp"
 #include "talus/distributed/partition.hpp"
 #include "talus/distributed/window_halo.hpp"
 #include "talus/dual/colouring.hpp"
@@ -81,7 +83,7 @@ class Ranks final : public talus::Ranks<Dim, Real> {
     params_ = grid;
     periodic_ = periodic;
     const Grid<Dim> nothing(grid, periodic, {});
-    check_particles(particles, nothing);
+    Execution(1, communicator_.get()).check_on_all([&] { check_particles(particles, nothing); });
     for (int a = 0; a < Dim; ++a)
       edges_[a] = BlockOrder<Dim>::edges(nothing, a);
     std::size_t next_id = particles.next_id;
@@ -407,13 +409,11 @@ class Ranks final : public talus::Ranks<Dim, Real> {
                    : 1;
   }
 
-  /// Have all ranks the same particles, and some?
+  /// Have all ranks the same particles, and some? Not the same ids alone: each rank may have
+  /// counted its own particles from 0, which check_all_ids() then refuses.
   bool all_have_the_same(const Particles<Dim, Real>& particles) const {
-    std::uint64_t ids = 0;
-    for (const std::size_t id : particles.id)
-      ids += (id + 1) * 0x9e3779b97f4a7c15U;
     const auto count = static_cast<std::int64_t>(particles.size());
-    const auto sum = static_cast<std::int64_t>(ids >> 1U);
+    const auto sum = static_cast<std::int64_t>(state_fingerprint(particles) >> 1U);
     std::int64_t values[] = {count, -count, sum, -sum};
     communicator_->maximum(values, 4);
     return count > 0 && values[0] == -values[1] && values[2] == -values[3];

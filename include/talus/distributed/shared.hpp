@@ -352,7 +352,7 @@ class Shared {
     for (const int node : order.nodes()) {
       const Index<dimension> index = part_->grid().node_index(node);
       const double fraction = part_->volume_fraction(index);
-      if (!(fraction > 0))
+      if (fraction == 0) // not below: rounding may leave some, and one process shows it
         continue;
       put(out[0].bytes, index);
       put(out[0].bytes, Node{fraction, part_->velocity(index), part_->stress(index),

@@ -297,11 +297,15 @@ void take_bodies(ByteReader& in, std::size_t count, Array<RigidState<Dim>>& bodi
 
 /// Saves the state of `sim`. `notes`: whatever the program wants to find again, at most 2^20 bytes.
 /// The file gets its name when it is complete and on the disk: an earlier one is good until then.
-/// Throws std::runtime_error if it cannot be written, std::invalid_argument for longer notes.
+/// Throws std::runtime_error if it cannot be written, std::invalid_argument for longer notes, or if
+/// `sim` is one rank's part: see distributed::write_checkpoint.
 template <class Sim>
 void write_checkpoint(const std::filesystem::path& path, const Sim& sim,
                       std::string_view notes = {}) {
   constexpr int dim = Sim::dimension;
+  if (!sim.grid().whole())
+    throw_invalid("a checkpoint", "of one rank's part of a simulation",
+                  "a whole one, or distributed::write_checkpoint of all ranks");
   detail::check_notes(notes);
   const auto& state = sim.state();
   detail::SealedFile<> file(path);
