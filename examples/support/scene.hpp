@@ -84,6 +84,9 @@ class Scene : public SceneOptions {
     });
   }
 
+  /// Does the command line give this option?
+  bool given(const std::string& flag) const { return app_.get_option(flag)->count() > 0; }
+
   /// As box_params.
   template <int Dim, class Sim = SceneSimulation<Dim>>
   typename Sim::Params box(const talus::Vec<3>& size) const {
