@@ -122,6 +122,8 @@ wait $process || fail "SIGHUP ended a run that was to ignore it"
 study() { "$programs/rheology_comparison" --quiet --no-plot "$@"; }
 study --end-time 0.02 --out study
 grep -q '"still_moves": true' study/summary.json || fail "the study does not say that its runs still move"
+awk -F , 'NR > 1 && $4 != "nan" { bad++ } END { exit NR < 2 || bad > 0 }' study/rheology_comparison.csv ||
+  fail "a run that moves has a rest time in the study's table: $(cat study/rheology_comparison.csv)"
 refused '--end-time = 0.02, not null' study --out study
 rm study/summary.json
 refused '--end-time = 0.02, not 0.03' study --end-time 0.03 --out study
