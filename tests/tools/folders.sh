@@ -134,6 +134,11 @@ grep -q '"end-time": 0.03' study/runs/stop/summary.json || fail "--overwrite did
 study --movie --end-time 0.02 --out movies --write-jobs movies.sh > log
 [ "$(grep -c -e ' --movie ' movies.sh)" -eq 4 ] || fail "--movie does not reach the runs: $(cat movies.sh)"
 
+# Tilts go up to --to, and not beyond. No step is so small that their number is none.
+"$programs/avalanche" --from 20 --to 21 --step 0.6 --particles-per-edge 1 --quiet --no-plot --vtk none --out up_to
+[ "$(tail -n 1 up_to/angles.csv | cut -d , -f 1)" = 20.6 ] || fail "tilts up to 21 degrees: $(cat up_to/angles.csv)"
+refused '--step is 1e-09' "$programs/avalanche" --step 1e-9 --out no_tilts
+
 # An avalanche that is interrupted goes on with its tilts.
 tilting='--particles-per-edge 1 --from 23 --to 23.5 --quiet --no-plot --threads 1'
 # shellcheck disable=SC2086
