@@ -34,4 +34,19 @@ slide files --terrain "$valley/valley.asc" --release "$valley/valley_release.csv
 refused 'exclude each other' --wall-friction 0.3 --terrain "$valley/valley.asc" --release "$valley/valley_release.csv" \
   --friction-map "$valley/valley_friction.asc"
 refused 'exclude each other' --release-surface 1330 --release-depth 20
+
+# A finished run is no answer to another map of the same name.
+cp "$valley/valley.asc" "$valley/valley_release.csv" "$valley/valley_friction.asc" "$folder"
+edited() {
+  slide edited --terrain "$folder/valley.asc" --release "$folder/valley_release.csv" \
+    --friction-map "$folder/valley_friction.asc" --resume
+}
+edited
+edited || fail 'a finished run is not taken for the answer'
+sed 's/0\.25/0.05/g' "$valley/valley_friction.asc" > "$folder/valley_friction.asc"
+status=0
+edited 2> "$folder/said" || status=$?
+if [ $status -ne 2 ] || ! grep -q friction_content "$folder/said"; then
+  fail "status $status: the run of another map of friction is taken for the answer: $(cat "$folder/said")"
+fi
 echo 'landslide: all that it is told counts'
