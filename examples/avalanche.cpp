@@ -125,7 +125,10 @@ int run(const Options& options) {
                        {"tolerance", options.tolerance},
                        {"rest_speed_m_s", rest_speed},
                        {"rest_hold_s", rest_hold}};
-  const int tilts = 1 + static_cast<int>(std::lround((last - first) / options.step));
+  const double steps = std::floor((last - first) / options.step + 1e-9); // none beyond --to
+  if (!(steps < 1e5))
+    talus::throw_invalid("--step", options.step, "so large that there are at most 100000 tilts");
+  const int tilts = 1 + static_cast<int>(steps);
   support::RunOptions run_options = options.run;
   run_options.end_time = tilts * (patience + params.time_step); // at the latest
   if (run_options.movie)

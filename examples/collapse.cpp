@@ -118,8 +118,15 @@ Case load_case(const Options& options) {
       setup.gate.time_constant = material.table("repository").number("gate_time");
     }
   }
-  if (file.has("published"))
-    run.published = file.table("published").to_json();
+  if (file.has("published")) {
+    const support::Toml published = file.table("published");
+    published.only({"rest_time_exp_s", "rest_time_exp_pm_s", "rest_time_sim_s",
+                    "rest_time_sim_pm_s", "rest_time_pm_s", "height_final_exp_m",
+                    "height_final_exp_pm_m", "height_final_sim_m", "height_final_sim_pm_m",
+                    "height_final_pm_m", "runout_exp_m", "runout_exp_pm_m", "runout_sim_m",
+                    "runout_sim_pm_m", "runout_pm_m"});
+    run.published = published.to_json();
+  }
   return run;
 }
 

@@ -6,6 +6,7 @@
 #include "support/scene.hpp"
 
 #include "talus/boundary/body.hpp"
+#include "talus/core/error.hpp"
 
 #include <cmath>
 
@@ -21,6 +22,10 @@ int main(int argc, char** argv) {
   scene.option("--drop", drop, "drop_m", "Height that it has fallen, m");
   scene.option("--bed", bed, "bed_m", "Depth of the sand, m");
   return scene.main<3>(argc, argv, [&] {
+    talus::require_positive("--diameter", diameter);
+    talus::require_positive("--ball-density", density);
+    talus::require_non_negative("--drop", drop);
+    talus::require_positive("--bed", bed);
     const double width = 4 * diameter;
     auto params = scene.box<3>({width, width, bed + diameter});
     auto ball = talus::ball_body<3>({width / 2, width / 2, bed + diameter / 2}, diameter / 2,
@@ -40,7 +45,9 @@ int main(int argc, char** argv) {
                    -sim.bodies()[0].velocity[2], sim.body_wrench(0).force[2]);
 
     const double depth = motion["depth_m"].back();
-    double uehara = 0; // d = 0.14/μ (ρ/ρ_c)^{1/2} D^{2/3} (drop + d)^{1/3}, by fixed point
+    // d = 0.14/μ (ρ/ρ_c)^{1/2} D^{2/3} (drop + d)^{1/3}, by fixed point; not from 0, which is one
+    // for a ball that is set down.
+    double uehara = diameter;
     for (int k = 0; k < 30; ++k)
       uehara = 0.14 / scene.friction * std::sqrt(density / scene.density) *
                std::cbrt(diameter * diameter * (drop + uehara));

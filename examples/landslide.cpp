@@ -25,6 +25,7 @@
 #include <numbers>
 #include <numeric>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -112,8 +113,10 @@ int main(int argc, char** argv) {
   scene.run.sections = false;
   scene.option("--terrain", files.terrain, "terrain_file",
                "Heights: an ESRI ASCII grid (.asc) or an open sheet (.stl); without: a valley");
-  scene.option("--friction-map", files.friction, "friction_file",
-               "Friction of the ground, an ESRI ASCII grid; without: --wall-friction");
+  scene.option(
+      "--friction-map", files.friction, "friction_file",
+      "Friction of the ground, an ESRI ASCII grid; without: --wall-friction (the valley has "
+      "a map of its own unless that is given)");
   scene.option("--release", files.release, "release_file",
                "Area that slides: a text file of x,y in the coordinates of the terrain");
   scene.option("--release-depth", depth, "release_depth_m", "Of what slides, upright, m");
@@ -125,6 +128,10 @@ int main(int argc, char** argv) {
       talus::throw_invalid(own ? "--release" : "--terrain", "not given",
                            "--terrain and --release together, with --friction-map if you like, or "
                            "none of them for the valley");
+    if (!files.friction.empty() && scene.given("--wall-friction"))
+      throw std::invalid_argument("--friction-map and --wall-friction exclude each other");
+    if (!surface.empty() && scene.given("--release-depth"))
+      throw std::invalid_argument("--release-surface and --release-depth exclude each other");
     const fs::path out = scene.run.common.out;
     Files read = files;
     if (!own) {
@@ -132,6 +139,8 @@ int main(int argc, char** argv) {
       fs::create_directories(out);
       write_valley(out, valley);
       read = {out / valley.terrain, out / valley.friction, out / valley.release};
+      if (scene.given("--wall-friction"))
+        read.friction.clear();
     }
 
     // The map's corner is the corner of the box. All else of the map stays in its coordinates.
@@ -181,6 +190,13 @@ int main(int argc, char** argv) {
     fill(sand, talus::Grid<3>(params.grid),
          talus::Release({.area = area, .bottom = ground, .top = top, .cell = terrain.cell}),
          scene.seeding);
+    // Maps are edited under the name that they have.
+    scene.input("terrain_content", support::content_of(read.terrain));
+    scene.input("friction_content", support::content_of(read.friction));
+    scene.input("release_content", support::content_of(read.release));
+    scene.input("release_surface_content", talus::parse_number<double>(surface)
+                                               ? nlohmann::json()
+                                               : support::content_of(surface));
     const Vec<3> start = talus::centre_of_mass(sand);
     const double volume = talus::total_volume(sand);
     support::SceneSimulation<3> sim(params, sand);

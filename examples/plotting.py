@@ -189,12 +189,13 @@ class GroundMap:
         lines = axes.contour(self.x, self.y, self.heights, 12, colors="0.35", linewidths=0.5)
         axes.clabel(lines, lines.levels[::3], fmt="%g", fontsize=8)
         now = at_time(self.table, time)
-        column = np.rint((now["x_m"] - self.x[0]) / self.cell).astype(int)
-        row = np.rint((now["y_m"] - self.y[0]) / self.cell).astype(int)
+        # from the first cell that has something: the terrain's own may be larger or smaller
+        column = np.rint((now["x_m"] - now["x_m"].min()) / self.cell).astype(int)
+        row = np.rint((now["y_m"] - now["y_m"].min()) / self.cell).astype(int)
         depth = np.zeros((row.max() + 1, column.max() + 1))
         depth[row, column] = now["depth_m"]
-        x = now["x_m"][0] + self.cell * (np.arange(depth.shape[1]) - column[0])
-        y = now["y_m"][0] + self.cell * (np.arange(depth.shape[0]) - row[0])
+        x = now["x_m"].min() + self.cell * np.arange(depth.shape[1])
+        y = now["y_m"].min() + self.cell * np.arange(depth.shape[0])
         image = axes.pcolormesh(x, y, np.ma.masked_less_equal(depth, 0), norm=self.norm, cmap=DEPTH,
                                 shading="nearest", alpha=0.85, rasterized=True)
         axes.set(xlim=(self.x[0] - half, self.x[-1] + half), ylim=(self.y[0] - half, self.y[-1] + half),

@@ -6,6 +6,7 @@
 #include "support/scene.hpp"
 
 #include "talus/boundary/floor.hpp"
+#include "talus/core/error.hpp"
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/totals.hpp"
 
@@ -20,6 +21,10 @@ int main(int argc, char** argv) {
   scene.option("--share-out", share_out, "share_out",
                "Of the filling that leaves before the run ends");
   return scene.main<2, 3>(argc, argv, [&]<int dim>() {
+    talus::require_positive("--width", width);
+    talus::require_positive("--height", height);
+    if (!(share_out > 0 && share_out <= 1))
+      talus::throw_invalid("--share-out", share_out, "a number > 0, at most 1");
     auto params = scene.box<dim>({width, width, 1.1 * height});
     params.faces.lower[dim - 1] = {talus::FaceKind::open};
     params.obstacles = {talus::make_obstacle<talus::Floor<dim>>(

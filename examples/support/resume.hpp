@@ -4,6 +4,8 @@
 #include "command_line.hpp"
 
 #include "talus/core/error.hpp"
+#include "talus/core/fingerprint.hpp"
+#include "talus/diagnostics/checksum.hpp"
 #include "talus/io/checkpoint.hpp"
 #include "talus/io/checkpoint_pieces.hpp"
 #include "talus/version.hpp"
@@ -15,6 +17,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -39,6 +42,18 @@ inline void add_resume_options(CLI::App& app, ResumeOptions& options) {
          "--checkpoint-interval", options.interval,
          "Seconds between checkpoints, from which --resume goes on; 0: only when interrupted")
       ->capture_default_str();
+}
+
+/// A checksum of all that a file holds, for the inputs of a run: with another content it is another
+/// run. Null for no file.
+inline nlohmann::json content_of(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (path.empty() || !file)
+    return nullptr;
+  talus::Fingerprint all;
+  for (std::istreambuf_iterator<char> at(file), end; at != end; ++at)
+    all.add(static_cast<unsigned char>(*at));
+  return talus::checksum_text(all.value());
 }
 
 /// The first difference between two sets of inputs, "KEY = THERE, not HERE"; empty without one.

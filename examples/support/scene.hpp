@@ -84,6 +84,15 @@ class Scene : public SceneOptions {
     });
   }
 
+  /// What makes the run what it is and no option says: the contents of a file, say (content_of). To
+  /// be called before start().
+  void input(const std::string& key, const nlohmann::json& value) {
+    own_.emplace_back(key, [value] { return value; });
+  }
+
+  /// Does the command line give this option?
+  bool given(const std::string& flag) const { return app_.get_option(flag)->count() > 0; }
+
   /// As box_params.
   template <int Dim, class Sim = SceneSimulation<Dim>>
   typename Sim::Params box(const talus::Vec<3>& size) const {

@@ -110,9 +110,9 @@ struct Job {
   std::string program = "collapse";
 };
 
-/// A measured value in a table: empty if there is none.
+/// A measured value in a table: nan, as in all tables, if there is none.
 inline std::string text(const nlohmann::json& value) {
-  return value.is_null() ? "" : text(value.get<double>());
+  return value.is_null() ? "nan" : text(value.get<double>());
 }
 
 /// Thrown when the user asked to stop.

@@ -122,6 +122,8 @@ wait $process || fail "SIGHUP ended a run that was to ignore it"
 study() { "$programs/rheology_comparison" --quiet --no-plot "$@"; }
 study --end-time 0.02 --out study
 grep -q '"still_moves": true' study/summary.json || fail "the study does not say that its runs still move"
+awk -F , 'NR > 1 && $4 != "nan" { bad++ } END { exit NR < 2 || bad > 0 }' study/rheology_comparison.csv ||
+  fail "a run that moves has a rest time in the study's table: $(cat study/rheology_comparison.csv)"
 refused '--end-time = 0.02, not null' study --out study
 rm study/summary.json
 refused '--end-time = 0.02, not 0.03' study --end-time 0.03 --out study
@@ -131,6 +133,11 @@ grep -q '"end-time": 0.03' study/runs/stop/summary.json || fail "--overwrite did
 # What a study is asked for its runs do: a movie each.
 study --movie --end-time 0.02 --out movies --write-jobs movies.sh > log
 [ "$(grep -c -e ' --movie ' movies.sh)" -eq 4 ] || fail "--movie does not reach the runs: $(cat movies.sh)"
+
+# Tilts go up to --to, and not beyond. No step is so small that their number is none.
+"$programs/avalanche" --from 20 --to 21 --step 0.6 --particles-per-edge 1 --quiet --no-plot --vtk none --out up_to
+[ "$(tail -n 1 up_to/angles.csv | cut -d , -f 1)" = 20.6 ] || fail "tilts up to 21 degrees: $(cat up_to/angles.csv)"
+refused '--step is 1e-09' "$programs/avalanche" --step 1e-9 --out no_tilts
 
 # An avalanche that is interrupted goes on with its tilts.
 tilting='--particles-per-edge 1 --from 23 --to 23.5 --quiet --no-plot --threads 1'

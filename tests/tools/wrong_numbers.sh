@@ -1,7 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: MIT
 # Numbers that are not whole words must be refused, on the command line and in case files: status 2,
-# and the text in the message.
+# and the text in the message. So must keys of case files that nothing reads.
 #
 #     wrong_numbers.sh PROGRAM FOLDER        PROGRAM: collapse
 set -eu
@@ -35,5 +35,7 @@ for number in 0,5 0.5m 1.5D+03 .5 '"0.5"' nan -inf 010 true; do
   line=$(grep -n '^inclination_deg' "$folder/case.toml" | cut -d: -f1)
   refused "line $line: " --case "$folder/case.toml"
 done
+{ cat "$cases/B15.toml"; echo 'runout_exp = 0.49'; } > "$folder/case.toml" # without its unit
+refused 'unknown key runout_exp' --case "$folder/case.toml"
 [ "$failed" -eq 0 ] && echo "wrong numbers: all refused"
 exit "$failed"
