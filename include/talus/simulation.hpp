@@ -659,6 +659,7 @@ class Simulation {
       fields_.open_fraction[j] = 1;
       work_.cone[j] = -1;
       work_.excess[j] = not_inside;
+      work_.excess_beside[j] = not_inside;
       work_.divergence[j] = 0;
       fields_.stress_volume[j] = 0;
       if (carries(j))
@@ -676,13 +677,17 @@ class Simulation {
     problem_.stress_impulse.resize(cones);
     for_each_cone([&](std::size_t i) { work_.cone[problem_.node[i]] = static_cast<int>(i); });
     solids_.find(grid_, work_.cone, cones);
-    const Room<Dim> room{params_.faces, params_.packing, stencil_, state_.time_step,
-                         fields_,       work_,           problem_};
+    const Room<Dim> room{boundaries(),     solids_, params_.packing, stencil_,
+                         state_.time_step, fields_, work_,           problem_};
     for_each_cone([&](std::size_t i) { fill_cone(i, ratio, room); });
     problem_.copies.copy(fields_.stress_volume, execution_);
     if (params_.packing.even || has_cohesion<RheologyT>()) {
       problem_.copies.copy(work_.excess, execution_);
       problem_.copies.copy(work_.strain, execution_);
+      if constexpr (has_cohesion<RheologyT>()) {
+        problem_.copies.copy(work_.excess_beside, execution_);
+        problem_.copies.copy(fields_.open_fraction, execution_);
+      }
       for_each_cone([&](std::size_t i) {
         room.set_inside(i, coheres(problem_.node[i]));
         if constexpr (has_cohesion<RheologyT>()) // hangs on k_i

@@ -4,6 +4,8 @@
 #include "../support/about.hpp"
 #include "scenes.hpp"
 
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/checksum.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/rheology/cohesion.hpp"
@@ -94,6 +96,27 @@ Sim<2> strand(double load, const Seeding& seeding) {
   params.gravity = {0, -g};
   params.rheology.cohesion = density * g * length * (1 + mu) / (2 * load);
   return Sim<2>(params, block<2>(params, {0.05, 0.24 - length}, {0.15, 0.24}, seeding));
+}
+
+/// Mean speed along a slope of 35° after 0.2 s of a cohesive layer, 10 cells high, that needs
+/// `load` times its c to stay; mu 0.3. It lies on a rough plane at `floor` cells, or on the
+/// sticking face if that is 0.
+double speed_of_layer(double load, double floor, const Seeding& seeding) {
+  const double h = 0.01, height = 0.1, mu = 0.3, angle = 35 * std::numbers::pi / 180;
+  auto params = box<2>(h, {8, 16}, mu);
+  params.faces.lower[0] = params.faces.upper[0] = {FaceKind::periodic};
+  incline(params, 35);
+  params.rheology.cohesion = density * g * height * (std::sin(angle) - mu * std::cos(angle)) / load;
+  if (floor > 0)
+    params.obstacles = {make_obstacle<ShapeObstacle<2>>(
+        {.shape = shapes::HalfSpace<2>({0, floor * h}, {0, 1}), .friction = 10})};
+  Particles<2> particles;
+  fill(particles, Grid<2>(params.grid), shapes::Box<2>({-1, floor * h}, {1, floor * h + height}),
+       seeding);
+  Sim<2> sim(params, particles);
+  while (sim.time() < 0.2)
+    CHECK(sim.step().completed());
+  return mean_velocity(sim.particles())[0];
 }
 
 /// A layer of depth H on a rough slope, at rest, in a box so long that what happens at its ends
@@ -215,6 +238,15 @@ TEST_CASE("a cohesive strand carries its weight up to the strength 2 c/(1 + mu)"
       force += 0.01 * (i == 5 || i == 15 ? 0.5 : 1) * holds.stress({i, k})(1, 1);
     CHECK(force == support::about(-density * g * 0.1 * (0.01 * k - 0.08), 0.03));
   }
+}
+
+TEST_CASE("a cohesive layer holds to an obstacle as to a face") {
+  for (const int per_axis : {2, 3, 4})
+    for (const double floor : {0.0, 2.0, 2.75}) { // on nodes and between them
+      INFO(per_axis, " an edge, floor at ", floor, " cells");
+      CHECK(speed_of_layer(0.9, floor, {.per_axis = per_axis}) < 2e-3);
+      CHECK(speed_of_layer(1.5, floor, {.per_axis = per_axis}) > 0.1);
+    }
 }
 
 TEST_CASE("a cohesive blob holds together, moves on as it did, and is at rest if it was") {

@@ -76,7 +76,9 @@ struct RoomAtNode : Scene<Dim> {
 
   RoomAtNode() { this->add_cone(2, 2); }
   Room<Dim> room() {
-    return {this->faces, packing, stencil, 0.5, this->fields, this->work, this->problem};
+    this->solids.find(this->grid, this->cone, this->problem.cones()); // there are none
+    return {this->bounds(), this->solids, packing,      stencil, 0.5,
+            this->fields,   this->work,   this->problem};
   }
   double room_now() const { // k_N = sqrt(d/2) room v/(d δt)
     return this->problem.free_volume_rate[0] * Dim * 0.5 /
@@ -203,7 +205,8 @@ TEST_CASE("room: surfaces at faces") {
     const double half = 0.5 * s.problem.node_volume[cone];
     s.fields.material_volume[s.node(i, k)] = half;
     const Packing packing{.slack = 0.0625};
-    const Room<2> set{s.faces, packing, Stencil<2>(s.grid), 0.5, s.fields, s.work, s.problem};
+    const Stencil<2> stencil(s.grid);
+    const Room<2> set{s.bounds(), s.solids, packing, stencil, 0.5, s.fields, s.work, s.problem};
     set.set(cone, s.index(i, k), half * mean, false);
     return s.problem.free_volume_rate[cone] / s.problem.node_volume[cone]; // 2 δt = 1
   };

@@ -49,6 +49,7 @@ struct StepWorkspace {
     divergence.assign(nodes, 0);
     cone.assign(nodes, -1);
     excess.assign(nodes, not_inside);
+    excess_beside.assign(nodes, not_inside);
     strain.assign(nodes, 0);
   }
 
@@ -59,6 +60,7 @@ struct StepWorkspace {
   Array<double> divergence;            ///< mean tr ∇u around a node, #nodes, 1/s
   Array<int> cone;                     ///< the cone of a node or −1, #nodes
   Array<double> excess;                ///< φ − 1 or not_inside, #nodes
+  Array<double> excess_beside;         ///< the same of cohesive nodes beside solids, #nodes
   Array<double> strain;                ///< |γ̇| δt, #nodes
   Array<BodyContact<Dim>> touched;     ///< nodes that free bodies touch
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches

@@ -10,7 +10,9 @@
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/packing.hpp"
+#include "talus/step/boundaries.hpp"
 #include "talus/step/node_fields.hpp"
+#include "talus/step/solids.hpp"
 #include "talus/transfer/shifting.hpp"
 
 #include <cmath>
@@ -21,7 +23,8 @@ namespace talus {
 /// Sets k_i, by how much the node of each cone may compact or must expand, see Packing. A view.
 template <int Dim>
 struct Room {
-  const Faces<Dim>& faces;
+  Boundaries<Dim> bounds;
+  const SolidsAtCones<Dim>& solids; ///< looked at before
   const Packing& packing;
   const Stencil<Dim>& stencil;
   double time_step; ///< s
@@ -42,7 +45,7 @@ struct Room {
     double dense = 1, strain = 0;
     bool inside = false;
     if (in_the_open && (surfaces || cohesive)) {
-      const double if_dense = dense_at(j, index, scaled<Dim>(1 / material, first_moment));
+      const double if_dense = dense_at(i, index, scaled<Dim>(1 / material, first_moment), cohesive);
       inside = if_dense == 1 && (packing.even || cohesive);
       if (surfaces)
         dense = if_dense;
@@ -57,27 +60,35 @@ struct Room {
     if (inside) {
       work.excess[j] = material / volume - 1;
       work.strain[j] = strain;
+    } else if (!in_the_open && cohesive && !has_surface(i, index)) {
+      work.excess_beside[j] = material / volume - 1;
     }
     set(i, material / volume, dense, strain);
   }
 
   /// Sets k_i of a cone in the midst of dense material, from the packing of its neighbours as well.
+  /// Beside solids that is for cohesion alone; neighbours there count by the volume that is open.
   void set_inside(std::size_t i, bool cohesive) const {
     const int j = problem.node[i];
-    if (!(work.excess[j] < not_inside))
+    const bool beside = work.excess_beside[j] < not_inside;
+    if (!beside && !(work.excess[j] < not_inside))
       return;
     double sum = 0, weights = 0;
     for (int k = 0; k < Grid<Dim>::neighbours; ++k) { // ghosts are never inside
-      const double other = work.excess[j + problem.grid.neighbour_offset(k)];
+      const int neighbour = j + problem.grid.neighbour_offset(k);
+      double other = work.excess[neighbour], weight = 1; // 1, 2, 1 along each axis
+      if (beside && !(other < not_inside)) {
+        other = work.excess_beside[neighbour];
+        weight = fields.open_fraction[neighbour];
+      }
       if (!(other < not_inside))
         continue;
-      double weight = 1; // 1, 2, 1 along each axis
       for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
         weight *= rest % 3 == 1 ? 2 : 1;
       sum += weight * other;
       weights += weight;
     }
-    const double own = 1 + work.excess[j];
+    const double own = 1 + (beside ? work.excess_beside[j] : work.excess[j]);
     const double fraction = packing.even || own < 1 ? Packing::agreed(own, 1 + sum / weights) : own;
     const double dense = cohesive ? 1 - std::max(0.0, packing.cohesion_slack - packing.slack) : 1;
     set(i, fraction, dense, work.strain[j]);
@@ -89,25 +100,40 @@ struct Room {
                                                         problem.node_volume[i] / (Dim * time_step));
   }
 
-  /// Does the material of a node end at a free surface along `axis`: is the next node that way (±1)
-  /// emptier than that of a dense layer a cell thick (1/2), but for noise? What is empty before a
-  /// closed face is a gap, not a surface.
-  bool surface_towards(int node, const Index<Dim>& index, int axis, int way) const {
+  /// Does the material of a cone's node end at a free surface along `axis`: is the next node that
+  /// way (±1) emptier than that of a dense layer a cell thick (1/2), but for noise? What is empty
+  /// before a closed face is a gap, not a surface; nor, if solids are asked for, is what they take.
+  bool surface_towards(std::size_t cone, const Index<Dim>& index, int axis, int way,
+                       bool ask_solids) const {
     const Grid<Dim>& grid = problem.grid;
+    const Faces<Dim>& faces = bounds.faces;
     Index<Dim> next = index;
     next[axis] += way;
-    int other = node + way * grid.node_stride(axis);
-    if (grid.periodic(axis))
-      other = grid.node(grid.owner(next)); // in another's part: its copy
-    else if (next[axis] < 0 || next[axis] > grid.cells(axis) ||
-             (next[axis] == 0 && faces.lower[axis].kind != FaceKind::open) ||
-             (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::open))
+    int other = problem.node[cone] + way * grid.node_stride(axis);
+    if (grid.periodic(axis)) {
+      next = grid.owner(next);
+      other = grid.node(next); // in another's part: its copy
+    } else if (next[axis] < 0 || next[axis] > grid.cells(axis) ||
+               (next[axis] == 0 && faces.lower[axis].kind != FaceKind::open) ||
+               (next[axis] == grid.cells(axis) && faces.upper[axis].kind != FaceKind::open)) {
       return false;
-    return fields.material_volume[other] < 0.45 * grid.node_volume(next);
+    }
+    const double open =
+        ask_solids ? solids.open_share(bounds, cone, grid.node_position(next)) : 1.0;
+    return fields.material_volume[other] < 0.45 * open * grid.node_volume(next);
   }
 
-  /// φ of a node if it were dense, from where its material lies. mean: see dense_fraction.
-  double dense_at(int node, const Index<Dim>& index, Vec<Dim> mean) const {
+  /// Does it end along any axis, either way?
+  bool has_surface(std::size_t cone, const Index<Dim>& index) const {
+    for (int a = 0; a < Dim; ++a)
+      for (const int way : {-1, 1})
+        if (surface_towards(cone, index, a, way, true))
+          return true;
+    return false;
+  }
+
+  /// φ of a cone's node if it were dense, from where its material lies. mean: see dense_fraction.
+  double dense_at(std::size_t cone, const Index<Dim>& index, Vec<Dim> mean, bool cohesive) const {
     const Grid<Dim>& grid = problem.grid;
     SmallArray<NodeSide, Dim> side;
     for (int a = 0; a < Dim; ++a) {
@@ -119,7 +145,7 @@ struct Room {
                       : side[a] == NodeSide::on_upper_face ? -1
                       : mean[a] > 0                        ? -1
                                                            : 1;
-      if (!surface_towards(node, index, a, way))
+      if (!surface_towards(cone, index, a, way, cohesive))
         mean[a] = side[a] == NodeSide::inside ? 0 : 1;
     }
     return dense_fraction<Dim>(mean, side);

@@ -126,6 +126,19 @@ class SolidsAtCones {
     return std::max(share, 0.1);
   }
 
+  /// The share of the volume of a node at x (m), next to that of a cone, that the solids which this
+  /// cone may see leave: 0 deep inside of one.
+  double open_share(const Boundaries<Dim>& bounds, std::size_t cone, const Vec<Dim>& x) const {
+    double share = 1;
+    for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e) {
+      const std::size_t s = static_cast<std::size_t>(entries_[e].solid);
+      share *= s < bounds.obstacles.size()
+                   ? at_obstacle(bounds, s, x).open_fraction
+                   : in_body(bounds, s - bounds.obstacles.size(), x).open_fraction;
+    }
+    return share;
+  }
+
   /// How obstacle o sees a node at x (m).
   ObstacleAtNode<Dim> at_obstacle(const Boundaries<Dim>& bounds, std::size_t o,
                                   const Vec<Dim>& x) const {
