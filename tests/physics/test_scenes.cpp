@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: MIT
-// A silo: what its floor carries, and how fast it empties. A heap: its slope.
+// A silo: what its floor carries, and how fast it empties. A heap: its slope. Beside obstacles
+// nothing is lost.
 
 #include "../support/about.hpp"
 #include "scenes.hpp"
 
 #include "talus/boundary/floor.hpp"
 #include "talus/boundary/gate.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
+#include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/silo.hpp"
@@ -13,6 +16,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <numbers>
 
 namespace test_scenes {
 
@@ -131,6 +135,81 @@ TEST_CASE("the slope of a heap is the angle of friction") {
     const auto line = fit_line_between(outside.x, outside.height, 0.2 * gap, 0.8 * gap);
     const double degree = std::atan(1.0) / 45;
     CHECK(std::abs(std::atan(-line.slope) - std::atan(friction)) < 2 * degree);
+  }
+}
+
+TEST_CASE("a layer that flows over an obstacle keeps its height, wherever it lies in the cells") {
+  // 30°, 10 cells, for a second, in which the lowest of it is sheared by some times its height. On
+  // a face it dilates by 8 %, evenly packed by 1 %.
+  const double depth = 10 * cell;
+  for (const bool even : {false, true})
+    for (const double offset : {0.3, 0.6}) {
+      CAPTURE(even);
+      CAPTURE(offset);
+      const double bottom = (2 + offset) * cell;
+      auto params = scenes::box<2>({8 * cell, 0, 16 * cell}, {8, 1, 16}, 30, 0.4);
+      params.packing.even = even;
+      params.faces.lower[0] = params.faces.upper[0] = {FaceKind::periodic};
+      params.obstacles = {make_obstacle<ShapeObstacle<2>>(
+          {.shape = shapes::HalfSpace<2>({0, bottom}, {0, 1}), .friction = 10})};
+      Particles<2> sand;
+      fill(sand, Grid<2>(params.grid), shapes::Box<2>({-1, bottom}, {1, bottom + depth}), {});
+      scenes::Sim<2> sim(params, sand);
+      while (sim.time() < 1)
+        REQUIRE(sim.step().completed());
+      const double height = 2 * (centre_of_mass(sim.particles())[1] - bottom);
+      CHECK(height > 0.99 * depth);
+      CHECK(height < 1.1 * depth);
+    }
+}
+
+TEST_CASE("half a drum stays half a drum") {
+  const double radius = 13 * cell;
+  auto params = scenes::box<2>({32 * cell, 0, 32 * cell}, {32, 1, 32}, 0, 0.4);
+  params.grid.origin = {-16 * cell, -16 * cell};
+  params.faces = Faces<2>::all({FaceKind::open});
+  RigidState<2> turning;
+  turning.angular_velocity[0] = 2;
+  params.obstacles = {
+      make_obstacle<ShapeObstacle<2>>({.shape = shapes::Complement(shapes::Ball<2>({0, 0}, radius)),
+                                       .friction = 0.9,
+                                       .motion = steady_motion(turning)})};
+  const auto lower_half = [&](const Vec<2>& x) { return x[1] < 0 && x.norm() < radius; };
+  Particles<2> sand;
+  fill(sand, Grid<2>(params.grid), lower_half, {});
+  scenes::Sim<2> sim(params, sand);
+  const double half_disc = 4 * radius / (3 * std::numbers::pi);
+  while (sim.time() < 1)
+    REQUIRE(sim.step().completed());
+  const double away = centre_of_mass(sim.particles()).norm(); // of a segment of 5 % less 0.0581
+  CHECK(away == support::about(half_disc, 0.035));
+}
+
+TEST_CASE("a ball under water is pushed up by the weight of what it displaces") {
+  const double radius = 4 * cell, density = 1000;
+  for (const double offset : {0.0, 0.25}) {
+    CAPTURE(offset);
+    auto params = scenes::box<2>({30 * cell, 0, 24 * cell}, {30, 1, 24}, 0, 0);
+    params.material.density = density;
+    params.faces.lower[1].kind = FaceKind::free_slip;
+    params.packing.even = true;
+    const Vec<2> centre((15 + offset) * cell, (10 + offset) * cell);
+    params.obstacles = {
+        make_obstacle<ShapeObstacle<2>>({.shape = shapes::Ball<2>(centre, radius), .friction = 0})};
+    Particles<2> water;
+    fill(water, Grid<2>(params.grid),
+         [&](const Vec<2>& x) { return x[1] < 20 * cell && (x - centre).norm() > radius; }, {});
+    scenes::Sim<2> sim(params, water);
+    double impulse = 0, start = 0;
+    while (sim.time() < 0.6) {
+      REQUIRE(sim.step().completed());
+      if (sim.time() < 0.3)
+        start = sim.time();
+      else
+        impulse += sim.obstacle_wrench(0).force[1] * sim.time_step();
+    }
+    const double displaced = density * gravity * std::numbers::pi * radius * radius;
+    CHECK(impulse / (sim.time() - start) == support::about(displaced, 0.1));
   }
 }
 

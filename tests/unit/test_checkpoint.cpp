@@ -169,6 +169,11 @@ TEST_CASE("what is no checkpoint, damaged, or of another configuration is refuse
   std::ofstream(file, std::ios::binary) << good;
   auto other_step = collapse<2>(1, 1e-3);
   CHECK(contains(message(other_step), "its time_step is 0.002, this simulation's is 0.001"));
+  auto packed = run.params();
+  packed.packing.cohesion_slack = 0.25;
+  auto other_packing = std::remove_cvref_t<decltype(run)>(packed, run.particles());
+  CHECK(contains(message(other_packing),
+                 "its packing.cohesion_slack is 0.05, this simulation's is 0.25"));
   auto other_dimension = collapse<3>();
   CHECK(contains(message(other_dimension), "its dimension is 2, this simulation's is 3"));
   CHECK_THROWS_AS(write_checkpoint(file, run, std::string((1 << 20) + 1, 'x')),

@@ -218,6 +218,48 @@ TEST_CASE("nodes see a plane where it is, and half of their volume at it") {
   CHECK((at(0.1).normal - Vec<2>(0, 1)).norm() < 1e-9);
 }
 
+TEST_CASE("the open share of a node is the part of its volume outside: askew, round, at edges") {
+  const auto check = []<int Dim>(const Shape<Dim>& solid, const Vec<Dim>& spacing, double far) {
+    constexpr int cuts = Dim == 2 ? 60 : 24;
+    Random random(5);
+    double squares = 0;
+    int count = 0;
+    for (int k = 0; k < 400; ++k) {
+      Vec<Dim> x;
+      for (int a = 0; a < Dim; ++a)
+        x[a] = far * (2 * random.uniform() - 1);
+      double open = 0, all = 0; // ∫ of the shape function
+      for (int n = 0; n < ipow(cuts, Dim); ++n) {
+        Vec<Dim> y = x;
+        double weight = 1;
+        for (int a = 0, rest = n; a < Dim; ++a, rest /= cuts) {
+          const double t = (2 * (rest % cuts) + 1.0) / cuts - 1;
+          y[a] += t * spacing[a];
+          weight *= 1 - std::abs(t);
+        }
+        all += weight;
+        open += solid.distance(y) > 0 ? weight : 0;
+      }
+      if (open == 0 || open == all)
+        continue;
+      const double error = node_in_solid<Dim>(solid, x, spacing).open_fraction - open / all;
+      squares += error * error;
+      ++count;
+    }
+    CHECK(count > 100);
+    return std::sqrt(squares / count);
+  };
+  const Shape<2> askew = HalfSpace<2>({0, 0}, {0.6, 0.8}), block = Box<2>({-3, -2.5}, {3, 2.5});
+  CHECK(check(askew, Vec<2>(1, 1), 3) < 0.01);
+  CHECK(check(askew, Vec<2>(1, 0.5), 3) < 0.01);
+  CHECK(check(Shape<2>(Ball<2>({0, 0}, 2.5)), Vec<2>(1, 1), 4) < 0.02);
+  CHECK(check(Shape<2>(Complement(Ball<2>({0, 0}, 4))), Vec<2>(1, 0.5), 5) < 0.02);
+  CHECK(check(block, Vec<2>(1, 1), 4.5) < 0.03);
+  CHECK(check(Shape<2>(Complement(block)), Vec<2>(1, 1), 4.5) < 0.03);
+  CHECK(check(Shape<3>(Ball<3>({0, 0, 0}, 4)), Vec<3>(1, 1, 1), 5) < 0.02);
+  CHECK(check(Shape<3>(Box<3>({-3, -2.5, -3}, {3, 2.5, 3})), Vec<3>(1, 1, 1), 4.5) < 0.04);
+}
+
 TEST_CASE("a plate is two cells thick for nodes, with a normal on either side and in its middle") {
   const Vec<2> spacing(0.1, 0.1);
   for (const double thickness : {0.0, 0.05, 0.2}) {

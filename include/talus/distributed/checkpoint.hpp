@@ -41,7 +41,7 @@ namespace talus::distributed {
 
 namespace detail {
 
-inline constexpr std::string_view pieces_format = "talus-pieces 2";
+inline constexpr std::string_view pieces_format = "talus-pieces 3";
 inline constexpr std::string_view piece_format = "talus-piece 1";
 
 /// What the list says of a piece.

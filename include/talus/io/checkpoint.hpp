@@ -32,7 +32,7 @@ namespace talus {
 namespace detail {
 
 inline constexpr std::string_view checkpoint_kind = "talus-checkpoint ";
-inline constexpr std::string_view checkpoint_format = "talus-checkpoint 5";
+inline constexpr std::string_view checkpoint_format = "talus-checkpoint 6";
 /// Of a list of the pieces that ranks have written, see distributed/checkpoint.hpp.
 inline constexpr std::string_view pieces_kind = "talus-pieces ";
 
@@ -78,6 +78,7 @@ std::vector<std::pair<std::string, std::string>> checkpoint_configuration(const 
   add("min_relative_mass", params.min_relative_mass);
   add("packing.slack", params.packing.slack);
   add("packing.dilatancy", params.packing.dilatancy);
+  add("packing.cohesion_slack", params.packing.cohesion_slack);
   add("packing.even", params.packing.even ? 1 : 0);
   add("packing.shifting", params.packing.shifting);
   add("packing.surfaces", params.packing.surfaces ? 1 : 0);

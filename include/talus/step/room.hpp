@@ -39,7 +39,7 @@ struct Room {
            bool cohesive) const {
     const int j = problem.node[i];
     const double material = fields.material_volume[j], volume = problem.node_volume[i];
-    const bool in_the_open = fields.open_fraction[j] == 1; // beside solids the plain rule holds
+    const bool in_the_open = fields.open_fraction[j] == 1; // or a solid would look like a surface
     // Cohesion would hang what is below a surface on the air above it.
     const bool surfaces = packing.surfaces && !cohesive;
     double dense = 1, strain = 0;
@@ -50,16 +50,16 @@ struct Room {
       if (surfaces)
         dense = if_dense;
     }
-    if (in_the_open && (material > volume || packing.even)) {
+    if (material > volume || packing.even) {
       const Vec<symmetric_size<Dim>> rate = integrated_strain_rate(problem, stencil, i);
       double shear2 = 0;
       for (int k = 1; k < symmetric_size<Dim>; ++k)
         shear2 += rate[k] * rate[k];
       strain = 2 * std::sqrt(shear2) / fields.stress_volume[j] * time_step; // |γ̇|² = 4 γ_T²
     }
+    work.strain[j] = strain;
     if (inside) {
       work.excess[j] = material / volume - 1;
-      work.strain[j] = strain;
     } else if (!in_the_open && cohesive && !has_surface(i, index)) {
       work.excess_beside[j] = material / volume - 1;
     }
