@@ -126,14 +126,16 @@ inline void add_common_options(CLI::App& app, CommonOptions& options,
 
 namespace detail {
 inline volatile std::sig_atomic_t interrupt_flag = 0;
-extern "C" inline void on_interrupt(int) {
+extern "C" inline void on_interrupt(int signal) {
   interrupt_flag = 1;
+  if (signal == SIGINT)
+    std::signal(SIGINT, SIG_DFL); // a second Ctrl-C ends the program at once
 }
 } // namespace detail
 
 /// Has anyone asked the program to stop: the user (Ctrl-C), the terminal that was closed (SIGHUP)
 /// or a batch system (SIGTERM, SIGXCPU, SIGUSR1, SIGUSR2)? The step is finished and results
-/// written.
+/// written; a second Ctrl-C ends the program without.
 inline bool interrupted() {
   return detail::interrupt_flag != 0;
 }

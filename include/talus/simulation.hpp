@@ -703,7 +703,7 @@ class Simulation {
     const Vec<Dim> first_moment =
         gather_coupling(grid_, index, work_.order, work_.moments, problem_.gradient_weights[i],
                         fields_.stress_volume[j]);
-    fields_.open_fraction[j] = solids_.look(boundaries(), i, grid_.node_position(index));
+    fields_.open_fraction[j] = solids_.look(boundaries(), i, index);
     problem_.node_volume[i] = fields_.open_fraction[j] * grid_.node_volume(index);
     problem_.stress_impulse[i] = ratio * state_.stress_impulse[j];
     room.set(i, index, first_moment, coheres(j));

@@ -136,7 +136,7 @@ struct Scene {
     solids.find(grid, cone, problem.cones());
     std::vector<double> share;
     for (std::size_t i = 0; i < problem.cones(); ++i)
-      share.push_back(solids.look(bounds(), i, grid.node_position(problem.node[i])));
+      share.push_back(solids.look(bounds(), i, grid.node_index(problem.node[i])));
     return share;
   }
   /// The velocity (0, .., 1) of the neighbour at +x, coupled by the weight: D_xz = weight/2.

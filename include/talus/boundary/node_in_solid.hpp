@@ -35,7 +35,9 @@ double open_share(const S& solid, const Vec<Dim>& x, const Vec<Dim>& spacing,
   if (std::abs(distance) >= edges)
     return distance > 0 ? 1 : 0;
   const double width = std::sqrt(width2), s = std::clamp(distance / width, -1.0, 1.0);
-  const auto outside = [&](double d) { return std::clamp(0.5 + 2 * d / width, 0.0, 1.0); };
+  // Steep: 0 for what is 1/12 inside, however near another surface is, such as that on which a
+  // block stands on a face.
+  const auto outside = [&](double d) { return std::clamp(0.5 + 6 * d / width, 0.0, 1.0); };
   double beyond_plane = 0;
   for (int part = 0; part < 1 << Dim; ++part) {
     Vec<Dim> offset;

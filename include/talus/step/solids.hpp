@@ -104,24 +104,43 @@ class SolidsAtCones {
     for_each_pair([&](std::size_t cone, int solid) { entries_[begin_[cone + 1]++].solid = solid; });
   }
 
-  /// Asks the solids that the node of a cone at x (m) may see. Returns the share of the node's
-  /// volume that they leave to the material: at least 0.1, also for what has got into a solid. May
+  /// Asks the solids that the node of a cone may see. Returns the share of the node's volume in the
+  /// box that they leave to the material: at least 0.1, also for what has got into a solid. May
   /// be called for several cones at once. Throws std::invalid_argument if an obstacle gives
   /// something else than a share, or a shape no distance.
-  double look(const Boundaries<Dim>& bounds, std::size_t cone, const Vec<Dim>& x) {
+  double look(const Boundaries<Dim>& bounds, std::size_t cone, const Index<Dim>& index) {
+    const Grid<Dim>& grid = bounds.grid;
+    const Vec<Dim> x = grid.node_position(index);
+    // Of a node on a face the box has half. What is left of its shape function there has its middle
+    // at h/3, and the mean square about that of one a third of √3 as wide.
+    Vec<Dim> middle = x, extent = grid.spacing();
+    bool on_face = false;
+    for (int a = 0; a < Dim; ++a)
+      if (!grid.periodic(a) && (index[a] == 0 || index[a] == grid.cells(a))) {
+        on_face = true;
+        middle[a] += (index[a] == 0 ? 1.0 / 3 : -1.0 / 3) * grid.spacing()[a];
+        extent[a] /= std::sqrt(3.0);
+      }
     double share = 1;
     for (std::size_t e = begin_[cone]; e < begin_[cone + 1]; ++e) {
       const std::size_t s = static_cast<std::size_t>(entries_[e].solid);
+      double open;
       if (s < bounds.obstacles.size()) {
         const ObstacleAtNode<Dim> seen = at_obstacle(bounds, s, x);
-        check_open_share<Dim>(s, x, seen.open_fraction);
         entries_[e].holds = seen.contact.has_value();
-        share *= seen.open_fraction;
+        open =
+            on_face
+                ? bounds.obstacles[s]->at_node(middle, extent, bounds.time, frame_[s]).open_fraction
+                : seen.open_fraction;
+        check_open_share<Dim>(s, x, open);
       } else {
-        const NodeInSolid<Dim> seen = in_body(bounds, s - bounds.obstacles.size(), x);
+        const std::size_t b = s - bounds.obstacles.size();
+        const NodeInSolid<Dim> seen = in_body(bounds, b, x);
         entries_[e].holds = seen.contact;
-        share *= seen.open_fraction;
+        open = on_face ? node_in_solid<Dim>(posed(bounds, b), middle, extent).open_fraction
+                       : seen.open_fraction;
       }
+      share *= open;
     }
     return std::max(share, 0.1);
   }
@@ -146,8 +165,7 @@ class SolidsAtCones {
   }
   /// How body b sees a node at x (m).
   NodeInSolid<Dim> in_body(const Boundaries<Dim>& bounds, std::size_t b, const Vec<Dim>& x) const {
-    const Posed<Dim> body{bounds.bodies[b].shape, bounds.body_states[b]};
-    return node_in_solid<Dim>(body, x, bounds.grid.spacing());
+    return node_in_solid<Dim>(posed(bounds, b), x, bounds.grid.spacing());
   }
 
   /// The signed distance of x (m) from a solid, m; infinite if bodies pass through it.
@@ -184,6 +202,10 @@ class SolidsAtCones {
   }
 
  private:
+  static Posed<Dim> posed(const Boundaries<Dim>& bounds, std::size_t body) {
+    return {bounds.bodies[body].shape, bounds.body_states[body]};
+  }
+
   struct Entry {
     int solid = 0;
     bool holds = false; ///< the node: it is a contact
