@@ -396,7 +396,8 @@ class Simulation {
   template <class Leaves>
   Outflow remove(const Leaves& leaves) {
     require_whole();
-    Array<char> leaving(state_.particles.size(), 0);
+    Array<int> leaving;
+    leaving.assign(state_.particles.size(), 0);
     execution_.check_on_all([&] {
       for (std::size_t p = 0; p < leaving.size(); ++p)
         leaving[p] = leaves(p) ? 1 : 0;

@@ -373,16 +373,15 @@ class Execution {
   }
 
   /// Calls check(). If it throws on some ranks, all throw, those what it threw, and the others
-  /// std::invalid_argument with the message of the lowest of these: else they would wait for ranks
-  /// that are gone. What check() has to do with other ranks must come before it throws.
+  /// std::invalid_argument with the message of the lowest of these, of which it has the first 511
+  /// characters: else they would wait for ranks that are gone. What check() has to do with other
+  /// ranks must come before it throws.
   template <class Check>
   void check_on_all(const Check& check) const {
-    if (!communicator_) {
-      check();
-      return;
-    }
+    if (!communicator_)
+      return check();
     std::exception_ptr refusal;
-    std::string message;
+    std::string message = "an exception of unknown type";
     try {
       check();
     } catch (const std::exception& error) {
@@ -390,31 +389,34 @@ class Execution {
       message = error.what();
     } catch (...) {
       refusal = std::current_exception();
-      message = "an exception of unknown type";
     }
-    const int ranks = communicator_->size();
-    std::int64_t lowest = refusal ? ranks - communicator_->rank() : 0; // the higher, the lower
-    communicator_->maximum(&lowest, 1);
-    if (lowest == 0)
-      return;
-    Array<Message> out;
-    if (communicator_->rank() == ranks - lowest)
-      for (int to = 0; to < ranks; ++to) {
-        out.emplace_back();
-        out.back().rank = to;
-        out.back().bytes.insert(out.back().bytes.end(), message.begin(), message.end());
-      }
-    const Array<Message> in = communicator_->deliver(out);
-    if (refusal)
-      std::rethrow_exception(refusal);
-    throw std::invalid_argument(in.empty() ? std::string()
-                                           : std::string(in[0].bytes.begin(), in[0].bytes.end()));
+    share_refusal(refusal, message);
   }
 
   const Communicator* communicator() const { return communicator_; } ///< null: one rank
   bool first_rank() const { return !communicator_ || communicator_->rank() == 0; }
 
  private:
+  /// See check_on_all. refusal: null if this rank refuses nothing.
+  void share_refusal(const std::exception_ptr& refusal, const std::string& message) const {
+    const int ranks = communicator_->size();
+    std::int64_t lowest = refusal ? ranks - communicator_->rank() : 0; // the higher, the lower
+    communicator_->maximum(&lowest, 1);
+    if (lowest == 0)
+      return;
+    std::int64_t text[512] = {};
+    if (communicator_->rank() == ranks - lowest)
+      for (std::size_t k = 0; k < std::min<std::size_t>(message.size(), 511); ++k)
+        text[k] = static_cast<unsigned char>(message[k]);
+    communicator_->maximum(text, 512);
+    if (refusal)
+      std::rethrow_exception(refusal);
+    std::string of_lowest;
+    for (int k = 0; text[k] != 0; ++k)
+      of_lowest += static_cast<char>(text[k]);
+    throw std::invalid_argument(of_lowest);
+  }
+
   std::unique_ptr<detail::ThreadPool> pool_;
   const Communicator* communicator_ = nullptr;
 };

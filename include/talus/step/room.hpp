@@ -126,7 +126,7 @@ struct Room {
   /// Does it end along any axis, either way?
   bool has_surface(std::size_t cone, const Index<Dim>& index) const {
     for (int a = 0; a < Dim; ++a)
-      for (const int way : {-1, 1})
+      for (int way = -1; way <= 1; way += 2)
         if (surface_towards(cone, index, a, way, true))
           return true;
     return false;
