@@ -471,10 +471,10 @@ scenes::Scene<scenes::Sim<Dim>> contacts() {
 } // namespace
 
 TEST_CASE("pieces: a run goes on from them on any ranks, 2-D") {
-  check_pieces(contacts<2>(), 60);
+  check_pieces(contacts<2>(), 42);
 }
 TEST_CASE("pieces: a run goes on from them on any ranks, 3-D") {
-  check_pieces(contacts<3>(), 40);
+  check_pieces(contacts<3>(), 33);
 }
 TEST_CASE("pieces: a periodic run goes on from them") {
   check_pieces(scenes::chute<2>(), 20);
