@@ -47,7 +47,8 @@ class Obstacle {
 
   /// Share of the volume of the node at x that is outside of the obstacle, in [0, 1]. Without it
   /// material that fills the rest of a node's volume counts as loose, and settles by up to half a
-  /// cell on the obstacle.
+  /// cell on the obstacle. Of a node on a face of the box it is asked for what the box has of it:
+  /// at h/3 inside, with a spacing of h/√3 along that axis.
   virtual double open_fraction(const Vec<Dim>& /*x*/, const Vec<Dim>& /*spacing*/,
                                double /*time*/) const {
     return 1;

@@ -111,8 +111,8 @@ class SolidsAtCones {
   double look(const Boundaries<Dim>& bounds, std::size_t cone, const Index<Dim>& index) {
     const Grid<Dim>& grid = bounds.grid;
     const Vec<Dim> x = grid.node_position(index);
-    // Of a node on a face the box has half. What is left of its shape function there has its middle
-    // at h/3, and the mean square about that of one a third of √3 as wide.
+    // Of a node on a face the box has half. That half of its shape function has its middle at h/3,
+    // and the mean square about it that one of width h/√3 has.
     Vec<Dim> middle = x, extent = grid.spacing();
     bool on_face = false;
     for (int a = 0; a < Dim; ++a)
