@@ -341,10 +341,40 @@ TEST_CASE("meshes that enclose nothing are refused") {
   CHECK(contains(
       message_of<std::invalid_argument>([&] { shapes::SampledMesh(closed, 4e-3); }), // 257³ nodes
       "a larger spacing"));
+  TriangleMesh both_ways = closed; // a sheet with two sides, a shell and its inverse
+  for (const auto& [a, b, c] : closed)
+    both_ways.push_back({b, a, c});
+  CHECK(contains(message_of<std::invalid_argument>([&] { shapes::SampledMesh(both_ways, 0.1); }),
+                 "what its triangles enclose is nothing"));
+  const shapes::SampledMesh plate(box_mesh({0, 0, 0}, {1, 1, 0.01}), 0.1); // no node in it
+  CHECK(plate.distance({0.5, 0.5, 0.3}) == doctest::Approx(0.29));
   TriangleMesh inward = closed;
   for (auto& t : inward)
     std::swap(t[0], t[1]);
   CHECK(shapes::SampledMesh(inward, 0.1).distance({0.5, 0.5, 0.5}) < -0.4);
+}
+
+TEST_CASE("meshes in the coordinates of maps") {
+  const Vec<3> place(632000.5, 5094000.5, 800);
+  const auto moved = [&](TriangleMesh mesh) {
+    for (auto& t : mesh)
+      for (auto& x : t)
+        x += place;
+    return mesh;
+  };
+  const TriangleMesh ball = ball_mesh(10, 48); // 9024 triangles: half a minute if each is asked
+  const shapes::SampledMesh here(ball, 1), there(moved(ball), 1);
+  Random random(9);
+  for (int n = 0; n < 500; ++n) {
+    Vec<3> x;
+    for (int a = 0; a < 3; ++a)
+      x[a] = 24 * random.uniform() - 12;
+    REQUIRE(there.distance(place + x) == support::about(here.distance(x), 1e-6));
+  }
+  TriangleMesh open = box_mesh({0, 0, 0}, {10, 10, 10});
+  open.pop_back();
+  CHECK(contains(message_of<std::invalid_argument>([&] { shapes::SampledMesh(moved(open), 1); }),
+                 "mesh: spacing is 1; allowed: above 38.8"));
 }
 
 TEST_CASE("corners that are apart by rounding: at any spacing, scale and place") {
@@ -400,6 +430,27 @@ TEST_CASE("several shells: apart, touching, overlapping, within each other") {
         REQUIRE((solid.distance(x) < 0) == (exact < 0));
       if (std::abs(exact) < 0.1 || gap == 0) // faces that touch count no more
         REQUIRE(std::abs(solid.distance(x) - exact) < (exact < 0.3 ? 0.05 : 1));
+    }
+  }
+  { // a fence: what is long lies within the posts in its middle and at its corners
+    TriangleMesh fence = box_mesh({0, -0.05, 0.45}, {3, 0.05, 0.55});
+    std::vector<shapes::Box<3>> parts{{{0, -0.05, 0.45}, {3, 0.05, 0.55}}};
+    for (int k = 0; k < 4; ++k) {
+      const Vec<3> lower(k - 0.2, -0.2, 0), upper(k + 0.2, 0.2, 1);
+      fence = joined(fence, box_mesh(lower, upper));
+      parts.emplace_back(lower, upper);
+    }
+    const shapes::SampledMesh solid(fence, 0.04);
+    Random random(4);
+    for (int n = 0; n < 2000; ++n) {
+      const Vec<3> x(0.3 + 0.4 * random.uniform(), 0.3 * random.uniform() - 0.15,
+                     0.35 + 0.3 * random.uniform());
+      double exact = std::numeric_limits<double>::infinity();
+      for (const auto& part : parts)
+        exact = std::min(exact, part.distance(x));
+      REQUIRE(std::abs(solid.distance(x) - exact) < 0.02);
+      if (std::abs(exact) > 0.01)
+        REQUIRE((solid.distance(x) < 0) == (exact < 0));
     }
   }
   TriangleMesh inner = box_mesh({0.25, 0.25, 0.25}, {0.75, 0.75, 0.75});

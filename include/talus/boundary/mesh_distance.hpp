@@ -27,15 +27,16 @@ namespace talus::shapes {
 /// mesh may consist of several closed shells. Turned the same way round, they are joined: they may
 /// touch, overlap or lie in each other. A shell turned the other way round within another is a
 /// cavity. Corners that should be one may be apart by the rounding of float, 2⁻²¹ of their
-/// coordinates. Where shells cross, a distance inside the solid may be that to the part of a shell
-/// that lies within another; the sign and the distances outside are not touched by that. Cost:
-/// once; of n triangles a node next to the surface sees about √n, another one log n (see
-/// TriangleTree): seconds for 1e5 triangles on 1e6 nodes. A copy is cheap.
+/// coordinates, as long as that is small beside the spacing. Where shells cross, a distance inside
+/// the solid may be that to the part of a shell that lies within another; the sign and the
+/// distances outside are not touched by that. Cost: once; of n triangles a node next to the surface
+/// sees about √n, another one log n (see TriangleTree): seconds for 1e5 triangles on 1e6 nodes. A
+/// copy is cheap.
 class SampledMesh {
  public:
   /// triangles: corners of each, m; spacing: of the lattice, m, the grid's cell or less.
-  /// Throws std::invalid_argument if the mesh is empty, not closed, or needs 1e7 nodes or more, or
-  /// a coordinate is not finite.
+  /// Throws std::invalid_argument if the mesh is empty, not closed, encloses nothing or needs 1e7
+  /// nodes or more, or a coordinate is not finite.
   SampledMesh(const std::vector<std::array<Vec<3>, 3>>& triangles, double spacing)
       : spacing_(spacing) {
     require_positive("mesh: spacing", spacing);
@@ -118,8 +119,15 @@ class SampledMesh {
   }
 
   void sample(const std::vector<Triangle>& triangles) {
-    tree_ = std::make_shared<const detail::TriangleTree>(triangles, near_surface());
+    tree_ = std::make_shared<const detail::TriangleTree>(triangles);
     const detail::TriangleTree& tree = *tree_;
+    if (tree.is_closed()) // no corners are apart: that of the arithmetic is left
+      rounding_ *= 0x1p-29;
+    if (near_surface() > spacing_ / 2)
+      throw_invalid("mesh: spacing", spacing_,
+                    "above " + text_of(2 * near_surface()) +
+                        " for a mesh so far from the origin whose edges do not meet to the bit: "
+                        "mend it, or move it to the origin");
     std::vector<double> values(static_cast<std::size_t>(count_[0]) *
                                static_cast<std::size_t>(count_[1]) *
                                static_cast<std::size_t>(count_[2]));
@@ -131,14 +139,19 @@ class SampledMesh {
       const double least = tree.distance(x, farthest(before));
       // no surface passes between two nodes if it is further away from them than they are apart
       const bool alike = std::abs(before) + least > spacing_ + near_surface();
-      const bool inside = alike ? before < 0 : is_inside(tree, x, least > near_surface());
+      const bool inside = alike ? before < 0 : is_inside(x, least > near_surface());
       before = values[number(node)] = inside ? -least : least;
     });
+    if (std::none_of(values.begin(), values.end(), [&](double v) { return v < -near_surface(); }) &&
+        std::none_of(triangles.begin(), triangles.end(),
+                     [&](const Triangle& t) { return is_next_to_solid(t); }))
+      throw_invalid("mesh: what its triangles enclose", "nothing",
+                    "a closed surface around a solid");
     std::vector<Triangle> surface;
     std::remove_copy_if(triangles.begin(), triangles.end(), std::back_inserter(surface),
-                        [&](const Triangle& t) { return is_within_solid(tree, values, t); });
+                        [&](const Triangle& t) { return is_within_solid(values, t); });
     if (surface.size() < triangles.size()) {
-      const detail::TriangleTree outside(surface, near_surface());
+      const detail::TriangleTree outside(surface);
       for_each_node([&](const Index<3>& node) {
         double& value = values[number(node)];
         if (std::signbit(value)) // also where a shell touches the node: -0
@@ -154,11 +167,27 @@ class SampledMesh {
   /// Where corners are apart by rounding, winding numbers are no whole numbers up to here, m.
   double near_surface() const { return 1e-6 * spacing_ + 8 * rounding_; }
 
-  /// Does all of a triangle lie within the solid, where shells touch or overlap? Next to its centre
-  /// and corners, on both sides of it.
-  bool is_within_solid(const detail::TriangleTree& tree, const std::vector<double>& values,
-                       const Triangle& corners) const {
-    const Vec<3> centre = scaled<3>(1.0 / 3, plus<3>(plus<3>(corners[0], corners[1]), corners[2]));
+  /// Off a triangle to the side of its normal, just far enough that winding numbers are whole, m;
+  /// zero if it has no area.
+  Vec<3> next_to(const Triangle& corners) const {
+    const Vec<3> normal = detail::TriangleTree::normal_of(corners);
+    const double area = norm<3>(normal);
+    return scaled<3>(area > 0 ? (1e-3 * spacing_ + near_surface()) / area : 0, normal);
+  }
+  static Vec<3> centre_of(const Triangle& corners) {
+    return scaled<3>(1.0 / 3, plus<3>(plus<3>(corners[0], corners[1]), corners[2]));
+  }
+
+  /// Is there solid on either side of a triangle's centre?
+  bool is_next_to_solid(const Triangle& corners) const {
+    const Vec<3> centre = centre_of(corners), off = next_to(corners);
+    return is_inside(plus<3>(centre, off), false) || is_inside(minus<3>(centre, off), false);
+  }
+
+  /// Does all of a triangle lie within the solid, where shells touch or overlap: is solid on both
+  /// sides of it at points that are no more than the spacing apart?
+  bool is_within_solid(const std::vector<double>& values, const Triangle& corners) const {
+    const Vec<3> centre = centre_of(corners), off = next_to(corners);
     Index<3> cell;
     for (int a = 0; a < 3; ++a)
       cell[a] = static_cast<int>((centre[a] - lower_[a]) / spacing_ + margin);
@@ -169,22 +198,27 @@ class SampledMesh {
       if (!std::signbit(values[number(node)]))
         return false;
     }
-    const Vec<3> normal = detail::TriangleTree::normal_of(corners);
-    if (!(norm<3>(normal) > 0))
+    if (!(norm<3>(off) > 0))
       return false;
-    const Vec<3> off = scaled<3>((1e-3 * spacing_ + near_surface()) / norm<3>(normal), normal);
-    const auto both_inside = [&](const Vec<3>& x) {
-      return is_inside(tree, plus<3>(x, off), false) && is_inside(tree, minus<3>(x, off), false);
-    };
-    bool within = both_inside(centre);
-    for (const Vec<3>& corner : corners) // a little towards the centre
-      within = within && both_inside(plus_scaled<3>(scaled<3>(0.99, corner), 0.01, centre));
-    return within;
+    double longest = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      longest = std::max(longest, norm<3>(minus<3>(corners[(k + 1) % 3], corners[k])));
+    const int parts = std::max(1, static_cast<int>(std::ceil(longest / spacing_)));
+    for (int i = 0; i <= parts; ++i)
+      for (int j = 0; i + j <= parts; ++j) {
+        Vec<3> x = scaled<3>(0.01, centre); // a little towards it: other triangles begin at edges
+        const int of_corner[] = {parts - i - j, i, j};
+        for (std::size_t k = 0; k < 3; ++k)
+          x = plus_scaled<3>(x, 0.99 * of_corner[k] / parts, corners[k]);
+        if (!is_inside(plus<3>(x, off), false) || !is_inside(minus<3>(x, off), false))
+          return false;
+      }
+    return true;
   }
 
   /// check: x is not next to the surface, where the winding number may have any value.
-  static bool is_inside(const detail::TriangleTree& tree, const Vec<3>& x, bool check) {
-    const double turns = tree.winding_number(x);
+  bool is_inside(const Vec<3>& x, bool check) const {
+    const double turns = tree_->winding_number(x, near_surface());
     if (check && !(std::abs(turns - std::round(turns)) < 0.05))
       throw_invalid(
           "mesh: its winding number at (" + text_of(x[0]) + ", " + text_of(x[1]) + ", " +

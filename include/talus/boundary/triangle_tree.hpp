@@ -32,9 +32,8 @@ class TriangleTree {
  public:
   using Triangle = std::array<Vec<3>, 3>;
 
-  /// triangles: corners, m, at least one; margin: next to a cylinder, up to here, the
-  /// triangles themselves are counted, m; > 0.
-  TriangleTree(const std::vector<Triangle>& triangles, double margin) : margin_(margin) {
+  /// triangles: corners, m, at least one.
+  explicit TriangleTree(const std::vector<Triangle>& triangles) {
     for (const Triangle& triangle : triangles)
       corners_.insert(corners_.end(), triangle.begin(), triangle.end());
     std::sort(corners_.begin(), corners_.end(), is_before);
@@ -63,8 +62,14 @@ class TriangleTree {
     return cross_product(minus<3>(corners[1], corners[0]), minus<3>(corners[2], corners[0]));
   }
 
-  /// Of the triangles about x: a whole number off a closed surface.
-  double winding_number(const Vec<3>& x) const { return half_angle(0, x) / (2 * std::numbers::pi); }
+  /// Has each edge a partner, to the bit?
+  bool is_closed() const { return branches_[0].rim.empty(); }
+
+  /// Of the triangles about x: a whole number off a closed surface. margin: next to a cylinder, up
+  /// to here, the triangles themselves are counted, m; > 0.
+  double winding_number(const Vec<3>& x, double margin) const {
+    return half_angle(0, x, margin) / (2 * std::numbers::pi);
+  }
 
  private:
   static constexpr std::size_t leaf = 8; ///< triangles that are not divided any more
@@ -207,9 +212,9 @@ class TriangleTree {
   }
 
   /// Σ Ω/2 of a branch.
-  double half_angle(std::size_t number, const Vec<3>& x) const {
+  double half_angle(std::size_t number, const Vec<3>& x, double margin) const {
     const Branch& branch = branches_[number];
-    const bool outside = gap(branch, x) > margin_;
+    const bool outside = gap(branch, x) > margin;
     double sum = 0;
     if (outside && branch.rim.size() < branch.end - branch.begin) {
       for (const Edge& edge : branch.rim)
@@ -218,7 +223,7 @@ class TriangleTree {
       for (std::size_t f = branch.begin; f < branch.end; ++f)
         sum += half_angle(facets_[f].corners, x);
     } else {
-      sum = half_angle(number + 1, x) + half_angle(branch.second, x);
+      sum = half_angle(number + 1, x, margin) + half_angle(branch.second, x, margin);
     }
     return sum;
   }
@@ -258,7 +263,6 @@ class TriangleTree {
     return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
   }
 
-  double margin_;
   std::vector<Vec<3>> corners_; ///< each once, sorted
   std::vector<Facet> facets_;
   std::vector<Branch> branches_; ///< the first is all
