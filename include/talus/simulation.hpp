@@ -689,12 +689,9 @@ class Simulation {
         problem_.copies.copy(work_.excess_beside, execution_);
         problem_.copies.copy(fields_.open_fraction, execution_);
       }
-      for_each_cone([&](std::size_t i) {
-        room.set_inside(i, coheres(problem_.node[i]));
-        if constexpr (has_cohesion<RheologyT>()) // hangs on k_i
-          problem_.opening[i] = friction(i);
-      });
+      for_each_cone([&](std::size_t i) { room.set_inside(i, coheres(problem_.node[i])); });
     }
+    find_friction(problem_.opening);
     problem_.copies.copy_here(work_.cone, execution_);
   }
 
@@ -708,7 +705,6 @@ class Simulation {
     problem_.node_volume[i] = fields_.open_fraction[j] * grid_.node_volume(index);
     problem_.stress_impulse[i] = ratio * state_.stress_impulse[j];
     room.set(i, index, first_moment, coheres(j));
-    problem_.opening[i] = friction(i);
   }
 
   /// Has any of a node's material cohesion?
@@ -723,12 +719,23 @@ class Simulation {
     return fields_.volume_by_material.data() + std::ptrdiff_t{node} * materials();
   }
 
-  /// μ̃_i from the velocities and the stress that the problem has.
+  /// μ̃ of all cones from the velocities, the stress and the k_i that the problem has; #cones.
+  void find_friction(Array<double>& found) {
+    if constexpr (sees_pressure<RheologyT, Dim>()) {
+      for_each_cone([&](std::size_t i) {
+        const int j = problem_.node[i];
+        work_.pressure[j] = cone_pressure(problem_, i, fields_.stress_volume[j], state_.time_step);
+      });
+      problem_.copies.copy(work_.pressure, execution_);
+    }
+    for_each_cone([&](std::size_t i) { found[i] = friction(i); });
+  }
+
+  /// μ̃_i, see find_friction.
   double friction(std::size_t i) {
     const int j = problem_.node[i];
     if constexpr (OfMaterials<RheologyT> || SeesFlow<RheologyT, Dim>) {
-      FlowState<Dim> flow = cone_flow(problem_, stencil_, i, fields_.material_volume[j],
-                                      fields_.stress_volume[j], state_.time_step);
+      FlowState<Dim> flow = this->flow(i);
       flow.position = grid_.node_position(j);
       const bool dense = problem_.free_volume_rate[i] <= 0;
       FlowFriction found;
@@ -740,10 +747,19 @@ class Simulation {
       return cone_friction<Dim>(found.friction);
     } else {
       if constexpr (RheologyT::rate_dependent)
-        fields_.inertial_number[j] = cone_inertial_number(
-            rheology_, problem_, stencil_, i, fields_.stress_volume[j], state_.time_step);
+        fields_.inertial_number[j] =
+            flow_inertial_number(rheology_, flow(i), cone_cohesion(rheology_, problem_, i));
       return cone_friction<Dim>(rheology_.friction(fields_.inertial_number[j]));
     }
+  }
+
+  FlowState<Dim> flow(std::size_t i) const {
+    const int j = problem_.node[i];
+    const double pressure = sees_pressure<RheologyT, Dim>()
+                                ? mean_pressure(grid_, j, work_.pressure, fields_.stress_volume)
+                                : 0;
+    return cone_flow(problem_, stencil_, i, fields_.material_volume[j], fields_.stress_volume[j],
+                     pressure);
   }
 
   /// Takes μ_i from the velocities and stresses of the last solve. Returns false if they would not
@@ -752,7 +768,7 @@ class Simulation {
     const double* const volumes = fields_.volume_by_material.data();
     remove_cohesion_shift(rheology_, problem_, state_.time_step, volumes);
     friction_iteration_.next.resize(problem_.cones());
-    for_each_cone([&](std::size_t i) { friction_iteration_.next[i] = friction(i); });
+    find_friction(friction_iteration_.next);
     const double change = friction_iteration_.change(problem_, execution_);
     friction_iteration_.choose_relaxation(report.friction_updates == 1, change,
                                           report.friction_change);

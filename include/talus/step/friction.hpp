@@ -4,6 +4,7 @@
 #include "talus/core/array.hpp"
 #include "talus/core/error.hpp"
 #include "talus/core/execution.hpp"
+#include "talus/core/grid.hpp"
 #include "talus/core/symmetric.hpp"
 #include "talus/dual/colouring.hpp"
 #include "talus/dual/operator.hpp"
@@ -133,18 +134,55 @@ std::size_t count_invalid_friction(const R& rheology, const DualProblem<Dim>& pr
       std::plus<>()));
 }
 
-/// What a law sees of cone i, but for the place, from the velocities and the stress λ (not λ') that
-/// the problem has. Of its node, m^d: material_volume Σ V_p N_i, stress_volume what stress acts on.
-/// time_step: δt, s.
+/// Does the rheology, or that of its materials, look at the pressure?
+template <Rheology R, int Dim>
+constexpr bool sees_pressure() {
+  if constexpr (OfMaterials<R>)
+    return sees_pressure<std::remove_cvref_t<decltype(std::declval<const R&>().law(0))>, Dim>();
+  else
+    return R::rate_dependent || SeesFlow<R, Dim>;
+}
+
+/// p of cone i from the stress λ (not λ') that the problem has, Pa. stress_volume: what stress acts
+/// on at its node, m^d; time_step: δt, s.
+template <int Dim>
+double cone_pressure(const DualProblem<Dim>& problem, std::size_t i, double stress_volume,
+                     double time_step) {
+  const double share = std::min(1.0, stress_volume / problem.node_volume[i]);
+  return share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
+}
+
+/// The mean pressure over a node and its neighbours, Pa, by the volumes V that stress acts on
+/// there: \f[ \bar p = Σ_k w_k V_k p_k / Σ_k w_k V_k, \f] w = 1, 2, 1 along each axis. A law gets
+/// this one, since the pressure of single nodes alternates from one to the next and from step to
+/// step: μ(p) is convex, so that the mean of μ is above μ of the mean. pressure: Pa, volume: m^d,
+/// #nodes each.
+template <int Dim>
+double mean_pressure(const Grid<Dim>& grid, int node, const Array<double>& pressure,
+                     const Array<double>& volume) {
+  double sum = 0, volumes = 0;
+  for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
+    const int neighbour = node + grid.neighbour_offset(k);
+    double part = volume[neighbour]; // 0 without a cone
+    for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
+      part *= rest % 3 == 1 ? 2 : 1;
+    sum += part * pressure[neighbour];
+    volumes += part;
+  }
+  return sum / volumes;
+}
+
+/// What a law sees of cone i, but for the place, from the velocities that the problem has. Of its
+/// node, m^d: material_volume Σ V_p N_i, stress_volume what stress acts on. pressure: Pa, see
+/// mean_pressure.
 template <int Dim>
 FlowState<Dim> cone_flow(const DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
                          std::size_t i, double material_volume, double stress_volume,
-                         double time_step) {
+                         double pressure) {
   FlowState<Dim> flow;
   flow.strain_rate = integrated_strain_rate(problem, stencil, i).norm() / stress_volume;
   flow.volume_fraction = material_volume / problem.node_volume[i];
-  const double share = std::min(1.0, stress_volume / problem.node_volume[i]);
-  flow.pressure = share / time_step * mean_from_normal<Dim>(problem.stress_impulse[i][0]);
+  flow.pressure = pressure;
   return flow;
 }
 
@@ -155,15 +193,6 @@ double flow_inertial_number(const R& law, const FlowState<Dim>& flow, double coh
   if (cohesion > 0) // what presses the grains together
     pressure += cohesion / law.friction(0);
   return law.inertial_number()(flow.strain_rate, pressure);
-}
-
-/// I_i of cone i; see cone_flow. volume: that stress acts on.
-template <Rheology R, int Dim>
-double cone_inertial_number(const R& rheology, const DualProblem<Dim>& problem,
-                            const Stencil<Dim>& stencil, std::size_t i, double volume,
-                            double time_step) {
-  return flow_inertial_number(rheology, cone_flow(problem, stencil, i, volume, volume, time_step),
-                              cone_cohesion(rheology, problem, i));
 }
 
 /// μ of a node full of one material, and its I: 0 if the law does not say with which one.

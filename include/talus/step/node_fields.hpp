@@ -51,6 +51,7 @@ struct StepWorkspace {
     excess.assign(nodes, not_inside);
     excess_beside.assign(nodes, not_inside);
     strain.assign(nodes, 0);
+    pressure.assign(nodes, 0);
   }
 
   CellOrder<Dim> order;
@@ -62,6 +63,7 @@ struct StepWorkspace {
   Array<double> excess;                ///< φ − 1 or not_inside, #nodes
   Array<double> excess_beside;         ///< the same of cohesive nodes beside solids, #nodes
   Array<double> strain;                ///< |γ̇| δt, #nodes
+  Array<double> pressure;              ///< of cones, for laws that see it, #nodes, Pa
   Array<BodyContact<Dim>> touched;     ///< nodes that free bodies touch
   Array<Vec<Dim>> held_momentum;       ///< of cones at faces, N s, see measure_wrenches
   Array<ExactSum> wrench_sums;         ///< see WrenchSums
