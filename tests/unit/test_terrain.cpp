@@ -93,6 +93,30 @@ TEST_CASE("ESRI ASCII grids: what is read") {
   }
 }
 
+TEST_CASE("ESRI ASCII grids: no data, where a program rounded it to a float") {
+  const Folder folder;
+  const auto file = folder / "a.asc";
+  const std::string head = "ncols 2\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 5\nNODATA_value ";
+  const auto voids = [&](const std::string& no_data, const std::string& values) {
+    write(file, head + no_data + '\n' + values + '\n');
+    const Raster map = read_ascii_grid(file);
+    return std::pair(std::isnan(map.at(0, 0)), std::isnan(map.at(1, 0)));
+  };
+  CHECK(voids("-3.4028234663852886e+38", "-3.4028235e+38 -3.4e38") == std::pair(true, false));
+  CHECK(voids("-3.40282347e+38", "5 -3.4028234663852886e+38") == std::pair(false, true));
+  CHECK(voids("-9999", "-9999.0001 -9998.99") == std::pair(true, false));
+  CHECK(voids("0", "1e-300 -0") == std::pair(false, true));
+  CHECK(voids("1.7e308", "-1.7e308 1.7e308") == std::pair(false, true));
+
+  Raster map{2, 1, 0, 0, 5, {1, none}};
+  for (const double wrong : {none, HUGE_VAL, -HUGE_VAL})
+    CHECK(contains(message_of<std::invalid_argument>([&] { write_ascii_grid(file, map, wrong); }),
+                   "no_data is " + text_of(wrong) + "; allowed: a finite number"));
+  map.at(0, 0) = -9999.0001; // it would be read as none
+  CHECK(contains(message_of<std::invalid_argument>([&] { write_ascii_grid(file, map); }),
+                 "is -9999.0001; allowed: finite numbers other than that for no data, -9999"));
+}
+
 TEST_CASE("ESRI ASCII grids: what is refused, in words") {
   const Folder folder;
   const auto file = folder / "a.asc";
@@ -117,6 +141,9 @@ TEST_CASE("ESRI ASCII grids: what is refused, in words") {
       {head + "1 2 3\n4 -0.5 6\n", "line 7: a value is \"-0.5\"; allowed: a number >= 0, or"},
       {"ncols 2000000000\nnrows 2000000000\nxllcorner 0\nyllcorner 0\ncellsize 5\n1 2\n",
        "the number of values is 2; allowed: ncols * nrows = 4000000000000000000"},
+      {"xllcenter 2\n" + head + "1 2 3\n4 5 6\n",
+       "its header has xllcorner and xllcenter; allowed: one of the two"},
+      {"yllcenter 2\n" + head + "1 2 3\n4 5 6\n", "yllcorner and yllcenter; allowed: one of"},
   };
   for (const auto& wrong : refused) {
     const std::string words = wrong.second;
