@@ -219,6 +219,20 @@ TEST_CASE("a field of a map: exact for a plane, in UTM too, also half a cell bey
                  "columns or rows is 1; allowed: an integer >= 2"));
 }
 
+TEST_CASE("a map's origin is a point") {
+  const Raster map = plane(4, 3, 0, 0, 1, {0, 0});
+  for (const double wrong : {none, HUGE_VAL}) {
+    CHECK(contains(message_of<std::invalid_argument>([&] {
+                     BilinearMap(map, {wrong, 0});
+                   }),
+                   "map: origin.x is " + text_of(wrong) + "; allowed: a finite number"));
+    CHECK(contains(message_of<std::invalid_argument>([&] {
+                     CellMap(map, {0, wrong});
+                   }),
+                   "map: origin.y is " + text_of(wrong) + "; allowed: a finite number"));
+  }
+}
+
 TEST_CASE("friction by cell") {
   const Vec<2> origin(500000, 5000000);
   const CellMap friction({2, 2, 500010, 5000020, 10, {0.1, 0.2, 0.3, none}}, origin);
