@@ -482,6 +482,32 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
                  "release.cell is 0"));
 }
 
+TEST_CASE_TEMPLATE("particles on the edges of a map belong to its outermost cells", Real, double,
+                   float) {
+  const Vec<2> origin(632000.1, 5094000.7);
+  const Raster cells{30, 20, origin[0], origin[1], 0.1, std::vector<double>(600)}; // 3 m by 2 m
+  Particles<3, Real> sand;
+  const auto add = [&](double x, double y) { sand.add({x, y, 0}, {0, 0, 1}, 0.01); };
+  for (const double off : {0.0, 1e-9, -1e-9}) { // rounding
+    add(off, 1.05);
+    add(3 + off, 1.05);
+    add(1.05, off);
+    add(1.05, 2 + off);
+    add(3 + off, 2 + off);
+  }
+  const Raster depth = depth_map(sand, cells, origin);
+  CHECK(std::accumulate(depth.values.begin(), depth.values.end(), 0.0) * 0.01 == about(0.15, 1e-6));
+  for (const auto& [column, row] : {std::pair(0, 10), {29, 10}, {10, 0}, {10, 19}, {29, 19}})
+    CHECK(depth.at(column, row) == about(3, 1e-6));
+  CHECK(speed_map(sand, cells, origin).at(29, 19) == 1);
+  sand = {};
+  for (const double beside : {-0.01, 3.01})
+    add(beside, 1.05);
+  for (const double beside : {-0.01, 2.01})
+    add(1.05, beside);
+  CHECK(range_of(depth_map(sand, cells, origin)).second == 0);
+}
+
 TEST_CASE("an open sheet of triangles as a map of heights") {
   TriangleMesh sheet; // z = 1 + 0.5 x − 0.25 y over [2, 6] × [−1, 2]
   const auto at = [](int i, int j) {
