@@ -72,6 +72,36 @@ Raster read_heights(const fs::path& path, double cell) {
              : talus::read_ascii_grid(path);
 }
 
+/// Throws std::invalid_argument unless a map reaches over all from `lower` to `upper` (its own
+/// coordinates, m), to rounding: beside it there are values, too, those of its edge.
+void require_covers(const std::string& file, const Raster& map, const Vec<2>& lower,
+                    const Vec<2>& upper, const std::string& what) {
+  const auto extent = [](double from, double to) {
+    return talus::text_of(from) + " to " + talus::text_of(to);
+  };
+  const double rounding = 1e-3 * map.cell;
+  for (const int a : {0, 1}) {
+    const double from = a == 0 ? map.x : map.y;
+    const double to = from + map.cell * (a == 0 ? map.columns : map.rows);
+    if (!(from <= lower[a] + rounding && to >= upper[a] - rounding))
+      talus::throw_invalid(file + (a == 0 ? ": its extent in x" : ": its extent in y"),
+                           extent(from, to), "all of " + what + ", " + extent(lower[a], upper[a]));
+  }
+}
+
+/// A function of the place in the box that says where its file has no data, in the coordinates of
+/// the file. origin: the point of the map that is (0, 0) in the box, m.
+talus::GroundFunction<3> with_data(const std::string& file, const auto& map, const Vec<2>& origin) {
+  return [=](const Vec<3>& x) {
+    const double value = map(x);
+    if (std::isnan(value))
+      talus::throw_invalid(file + ": what is at (" + talus::text_of(origin[0] + x[0]) + ", " +
+                               talus::text_of(origin[1] + x[1]) + ")",
+                           "no data", "numbers under all that slides and around it");
+    return value;
+  };
+}
+
 /// The place and the speed of the front: of the hundredth of the volume that is farthest from where
 /// the slide began.
 struct Front {
@@ -147,14 +177,10 @@ int main(int argc, char** argv) {
     talus::require_positive("--cell", scene.cell);
     const Raster terrain = read_heights(read.terrain, scene.cell / 2);
     const Vec<2> origin(terrain.x, terrain.y);
-    const talus::BilinearMap ground(terrain, origin);
+    const talus::BilinearMap heights(terrain, origin);
+    const auto ground = with_data(read.terrain, heights, origin);
     const talus::Polygon area = talus::read_polygon(read.release).moved(-origin[0], -origin[1]);
     talus::require_positive("--release-depth", depth);
-    talus::GroundFunction<3> top = [=](const Vec<3>& x) { return ground(x) + depth; };
-    if (const auto height = talus::parse_number<double>(surface))
-      top = [=](const Vec<3>&) { return *height; };
-    else if (!surface.empty())
-      top = talus::BilinearMap(talus::read_ascii_grid(surface), origin);
 
     // Its box, in whole cells, reaches from the lowest ground to the highest place of the release.
     const auto whole = [&](double size) { return std::floor(size / scene.cell + 1e-6); };
@@ -170,10 +196,21 @@ int main(int argc, char** argv) {
                              "on the terrain, between " + talus::text_of(origin[a]) + " and " +
                                  talus::text_of(origin[a] + edge));
     }
+    talus::GroundFunction<3> top = [=](const Vec<3>& x) { return heights(x) + depth; };
+    if (const auto height = talus::parse_number<double>(surface)) {
+      top = [=](const Vec<3>&) { return *height; };
+    } else if (!surface.empty()) {
+      const Raster map = talus::read_ascii_grid(surface);
+      require_covers(surface, map, origin + Vec<2>(low[0], low[1]),
+                     origin + Vec<2>(high[0], high[1]), "the area in " + read.release);
+      top = talus::BilinearMap(map, origin);
+    }
     double highest = -std::numeric_limits<double>::infinity();
     for (double x = low[0]; x <= high[0]; x += scene.cell)
       for (double y = low[1]; y <= high[1]; y += scene.cell)
         highest = std::max(highest, top({x, y, 0}));
+    if (std::isinf(highest))
+      talus::throw_invalid(read.release + ": the height of its top", "no data", "numbers");
     const double lowest = talus::range_of(terrain).first - 2 * scene.cell;
     talus::require_positive(read.release + ": the height of its top above the lowest ground",
                             highest - lowest);
@@ -182,13 +219,20 @@ int main(int argc, char** argv) {
     params.grid.origin[2] = lowest;
     params.faces = talus::Faces<3>::all({talus::FaceKind::open});
     talus::Terrain<3>::Params soil{.height = ground, .friction = scene.wall_friction};
-    if (!read.friction.empty())
+    if (!read.friction.empty()) {
+      const Raster map = talus::read_ascii_grid(read.friction, 0);
+      require_covers(read.friction, map, origin, origin + scene.cell * Vec<2>(columns, rows),
+                     "the terrain");
       soil = {.height = ground,
-              .friction_at = talus::CellMap(talus::read_ascii_grid(read.friction, 0), origin)};
+              .friction_at = with_data(read.friction, talus::CellMap(map, origin), origin)};
+    }
     params.obstacles = {talus::make_obstacle<talus::Terrain<3>>(soil)};
     talus::Particles<3> sand;
     fill(sand, talus::Grid<3>(params.grid),
-         talus::Release({.area = area, .bottom = ground, .top = top, .cell = terrain.cell}),
+         talus::Release({.area = area,
+                         .bottom = ground,
+                         .top = with_data(surface, top, origin),
+                         .cell = terrain.cell}),
          scene.seeding);
     // Maps are edited under the name that they have.
     scene.input("terrain_content", support::content_of(read.terrain));

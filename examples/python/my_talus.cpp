@@ -30,10 +30,12 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -44,18 +46,46 @@ namespace python {
 using talus::Index;
 using talus::Vec;
 
+/// What Python makes a float of, numbers of numpy too; infinite if it is too large for one. Nothing
+/// for True, for text and for all else.
+inline std::optional<double> number_of(const py::object& object) {
+  PyObject* const given = object.ptr();
+  if (PyFloat_CheckExact(given))
+    return PyFloat_AS_DOUBLE(given);
+  const PyNumberMethods* const methods = Py_TYPE(given)->tp_as_number;
+  if (PyBool_Check(given) || !methods || !(methods->nb_float || methods->nb_index))
+    return std::nullopt;
+  // numpy makes floats of its truth values, texts and complex numbers, too
+  const py::object kind = py::getattr(py::getattr(object, "dtype", py::none()), "kind", py::none());
+  if (py::isinstance<py::str>(kind) &&
+      std::string_view("iuf").find(kind.cast<std::string>()) == std::string_view::npos)
+    return std::nullopt;
+  const double number = PyFloat_AsDouble(given);
+  if (number != -1 || !PyErr_Occurred())
+    return number;
+  const py::error_already_set error;
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  if (error.matches(PyExc_OverflowError))
+    return object < py::int_(0) ? -infinity : infinity;
+  if (error.matches(PyExc_TypeError) || error.matches(PyExc_ValueError)) // of several numbers, say
+    return std::nullopt;
+  throw error;
+}
+
 /// One friction coefficient, or a Python function of the inertial number.
 class PythonLaw {
  public:
   PythonLaw() = default;
   explicit PythonLaw(const py::object& friction) {
-    if (PyCallable_Check(friction.ptr()) != 0)
+    if (PyCallable_Check(friction.ptr()) != 0) {
       function_ = friction;
-    else if (PyFloat_Check(friction.ptr()) || PyLong_Check(friction.ptr()))
-      constant_ = friction.cast<double>();
-    else
+    } else if (const auto number = number_of(friction)) {
+      talus::require_non_negative("friction", *number);
+      constant_ = *number;
+    } else {
       throw py::type_error("friction is " + repr(friction) +
                            "; allowed: a number >= 0, or a function of the inertial number");
+    }
   }
 
   bool calls_python() const { return static_cast<bool>(function_); }
@@ -65,12 +95,10 @@ class PythonLaw {
       return constant_;
     const py::object mu =
         function_(inertial_number); // may throw: it arrives at the caller of step()
-    try {
-      return mu.cast<double>();
-    } catch (const py::cast_error&) {
-      throw py::type_error("friction(" + talus::text_of(inertial_number) + ") gave " + repr(mu) +
-                           "; allowed: a number >= 0");
-    }
+    if (const auto number = number_of(mu))
+      return *number;
+    throw py::type_error("friction(" + talus::text_of(inertial_number) + ") gave " + repr(mu) +
+                         "; allowed: a number >= 0");
   }
 
  private:
@@ -247,8 +275,8 @@ class Simulation {
   /// no_slip, free_slip, open, periodic, or the friction coefficient of a frictional face.
   static talus::Face face(const std::string& name, const py::object& what) {
     using talus::FaceKind;
-    if (PyFloat_Check(what.ptr()) || PyLong_Check(what.ptr()))
-      return {FaceKind::frictional, what.cast<double>()};
+    if (const auto friction = number_of(what))
+      return {FaceKind::frictional, *friction};
     const std::string kind = py::str(what);
     const std::pair<const char*, FaceKind> kinds[] = {{"no_slip", FaceKind::no_slip},
                                                       {"free_slip", FaceKind::free_slip},
@@ -276,17 +304,23 @@ class Simulation {
     params.gravity = vector(options.gravity);
     params.time_step = options.time_step;
     params.cfl = options.cfl;
+    const talus::Grid<Dim> grid(params.grid);
     set_faces("lower", options.lower, params.faces.lower);
     set_faces("upper", options.upper, params.faces.upper);
-    if (options.gate)
+    if (options.gate) {
+      const double position = options.gate->position;
+      if (!(position >= 0 && position <= options.size[0]))
+        talus::throw_invalid("gate.position", position,
+                             "in the box, 0 to " + talus::text_of(options.size[0]));
       params.obstacles.push_back(talus::make_obstacle<talus::Gate<Dim>>(
-          {.position = options.gate->position,
+          {.position = position,
            .bottom = options.gate->bottom,
            .thickness = 0,
            .friction = options.gate->friction,
            .motion = {.opening_time = 0,
                       .terminal_speed = options.gate->speed,
                       .time_constant = options.gate->time_constant}}));
+    }
     params.rheology.law = PythonLaw(options.friction);
     if (options.inertial)
       params.rheology.inertial = *options.inertial;
@@ -296,7 +330,6 @@ class Simulation {
     if (params.rheology.law.calls_python() && options.threads != 1)
       talus::throw_invalid("threads", options.threads,
                            "1 with a friction law in Python, which runs in one thread at a time");
-    const talus::Grid<Dim> grid(params.grid);
     talus::Particles<Dim> particles;
     talus::Seeding seeding{
         .per_axis = options.particles_per_edge, .jitter = options.jitter, .seed = options.seed};

@@ -7,6 +7,8 @@ import gc
 import sys
 import unittest
 import weakref
+from decimal import Decimal
+from fractions import Fraction
 
 import my_talus
 import numpy as np
@@ -149,6 +151,18 @@ class FrictionTest(unittest.TestCase):
         number, function = run(flow(0.44)), run(flow(lambda I: 0.44, inertial=BEADS))
         np.testing.assert_array_equal(by_id(number), by_id(function))
 
+    def test_all_kinds_of_numbers(self):
+        for value in (0.5, 1):
+            expected = by_id(run(flow(value, lower=(value, "no_slip")), 5))
+            for number in (np.float16, np.float32, np.float64, np.array, Fraction, Decimal):
+                sim = flow(number(value), lower=(number(value), "no_slip"))
+                np.testing.assert_array_equal(by_id(run(sim, 5)), expected, str(number))
+                sim = flow(lambda I: number(value), inertial=BEADS, lower=(value, "no_slip"))
+                np.testing.assert_array_equal(by_id(run(sim, 5)), expected, str(number))
+        for number in (np.int64, np.uint8):
+            sim = flow(number(1), lower=(number(1), "no_slip"))
+            np.testing.assert_array_equal(by_id(run(sim, 5)), expected, str(number))
+
     def test_a_function_sees_the_inertial_number(self):
         seen = []
 
@@ -196,9 +210,12 @@ class FrictionTest(unittest.TestCase):
         answer = "sand"
         with self.assertRaisesRegex(TypeError, r"friction\(.*\) gave 'sand'; allowed: a number >= 0"):
             sim.step()
-        answer = float("nan")
-        with self.assertRaisesRegex(RuntimeError, "rheology.friction.I. gave no finite number"):
+        answer = True
+        with self.assertRaisesRegex(TypeError, r"friction\(.*\) gave True; allowed: a number >= 0"):
             sim.step()
+        for answer in (float("nan"), 10**400):
+            with self.assertRaisesRegex(RuntimeError, "rheology.friction.I. gave no finite number"):
+                sim.step()
         self.assertEqual(sim.time, time)
         answer = 0.44
         sim.step()
@@ -236,12 +253,23 @@ class MistakesTest(unittest.TestCase):
                 (r"lower\[1\] is soft; allowed: no_slip", dict(lower=("open", "soft"))),
                 ("faces in upper is 1; allowed: 2", dict(upper=("open",))),
                 ("gate.friction is -1; allowed", dict(gate=my_talus.Gate(position=0.1, bottom=0, friction=-1))),
+                ("gate.position is 9; allowed: in the box, 0 to 0.6",
+                 dict(gate=my_talus.Gate(position=9, bottom=0, friction=0.1))),
+                ("gate.position is -0.1; allowed", dict(gate=my_talus.Gate(position=-0.1, bottom=0, friction=0.1))),
+                ("gate.position is nan; allowed",
+                 dict(gate=my_talus.Gate(position=float("nan"), bottom=0, friction=0.1))),
+                ("^friction is -1; allowed: a finite number >= 0", dict(friction=-1)),
+                ("^friction is inf; allowed: a finite number >= 0", dict(friction=10**400)),
+                ("^friction is -inf; allowed: a finite number >= 0", dict(friction=-10**5000)),
+                ("lower.x.friction is inf; allowed: a finite number >= 0", dict(lower=(10**400, "open"))),
+                (r"upper\[0\] is True; allowed: no_slip, .*, or a friction", dict(upper=(True, "open"))),
                 ("grain_diameter is 0; allowed", dict(friction=lambda I: 0.4)),
                 ("particles that are there already", dict(boxes=2 * [((0, 0), (0.1, 0.1))]))]:
             with self.assertRaisesRegex(ValueError, message):
                 flow(**changes)
-        with self.assertRaisesRegex(TypeError, "friction is 'rough'; allowed: a number >= 0, or a function"):
-            flow("rough")
+        for wrong in ("rough", "0.4", True, np.bool_(True), np.array("0.4"), np.array([0.4, 0.5]), 0.4 + 0j, None):
+            with self.assertRaisesRegex(TypeError, "^friction is .*; allowed: a number >= 0, or a function"):
+                flow(wrong)
         with self.assertRaises(TypeError):  # of another dimension
             flow(size=(1, 1, 1))
         with self.assertRaisesRegex(ValueError, "inertial is not given"):
@@ -250,6 +278,10 @@ class MistakesTest(unittest.TestCase):
             run(flow3(), 1).profile(row=9)
         with self.assertRaisesRegex(ValueError, "section_flux: position is 7; allowed"):
             run(flow(), 1).section_flux(axis=0, position=7)
+        with self.assertRaisesRegex(ValueError, "static_speed is -1; allowed"):
+            run(flow(), 1).profile(static_speed=-1)
+        with self.assertRaisesRegex(ValueError, "level is nan; allowed"):
+            run(flow(), 1).front(float("nan"))
 
     def test_a_step_that_fails_says_so(self):
         sim = flow()

@@ -180,6 +180,21 @@ TEST_CASE("regions that hold nothing are refused") {
   CHECK(particles.empty());
 }
 
+TEST_CASE("a box is told how thick it must be") {
+  Particles<2> particles;
+  const Grid<2> long_box({.origin = {0, 0}, .size = {1e9, 1}, .cells = {100, 10}});
+  const auto message = [&](double width) {
+    return support::message_of<std::invalid_argument>([&] {
+      fill_box<2>(particles, long_box, {0, 0}, {width, 0.5}, {});
+    });
+  };
+  CHECK(message(0.15) ==
+        "fill_box: upper - lower is 0.15; allowed: more than 1 m, 1e-9 of the grid's size");
+  CHECK(support::contains(message(std::numeric_limits<double>::quiet_NaN()), "lower is nan"));
+  CHECK(particles.empty());
+  CHECK(fill_box<2>(particles, long_box, {0, 0}, {1.5, 0.5}, {}) == 15);
+}
+
 TEST_CASE("what holds particles already is not filled again") {
   Particles<2> particles;
   const Seeding seeding{.per_axis = 2};

@@ -5,6 +5,7 @@
 #include "talus/boundary/gate.hpp"
 #include "talus/boundary/shape_obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
+#include "talus/core/error.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/totals.hpp"
 #include "talus/rheology/laws.hpp"
@@ -19,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -84,6 +86,27 @@ TEST_CASE("profile, front and volume are there after the first step, and refused
   CHECK(profile.height[5] == 0);
   CHECK(std::abs(front_position(profile, 0.01) - 0.2) < 0.01);
   CHECK(volume_under_surface(sim) == about(0.01, 0.1));
+}
+
+TEST_CASE("a profile's speed and a front's level are numbers") {
+  Sim<2> sim = heap(0.1, 0.2, 0, 0.1, box<2>());
+  REQUIRE(sim.step().completed());
+  constexpr double infinity = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const double wrong : {nan, infinity, -1.0}) {
+    const std::string message =
+        "measure_profile: static_speed is " + text_of(wrong) + "; allowed: a finite number >= 0";
+    CHECK_THROWS_WITH_AS(measure_profile(sim, middle_row, wrong), message.c_str(),
+                         std::invalid_argument);
+    CHECK_THROWS_WITH_AS(mean_profile(sim, 0, wrong), message.c_str(), std::invalid_argument);
+  }
+  CHECK(measure_profile(sim, middle_row, 0).static_height[15] >= 0); // what stands still
+  const Profile profile = measure_profile(sim);
+  for (const double wrong : {nan, infinity, -infinity}) {
+    const std::string message =
+        "front_position: level is " + text_of(wrong) + "; allowed: a finite number";
+    CHECK_THROWS_WITH_AS(front_position(profile, wrong), message.c_str(), std::invalid_argument);
+  }
 }
 
 TEST_CASE("profile, front and volume of sand on an obstacle, next to nothing and next to sand") {

@@ -431,6 +431,12 @@ TEST_CASE("wrong sources and sinks are refused, by name and value") {
   wrong = strip(0.1);
   wrong.inside = [](const Vec<2>&) { return false; };
   CHECK(contains(message(wrong), "source.inside"));
+  CHECK(message({.lower = {0, 0},
+                 .upper = {0.1, 0.1},
+                 .flux = 0.01,
+                 .inside = [](const Vec<2>&) { return false; }}) ==
+        "source.inside: the number of random places that it refuses is 100000; allowed: a region "
+        "that has a volume");
   wrong = strip(0.1);
   wrong.time = {.start = 2, .end = 1};
   CHECK(contains(message(wrong), "source.time.end is 1; allowed: later than the start"));

@@ -93,6 +93,30 @@ TEST_CASE("ESRI ASCII grids: what is read") {
   }
 }
 
+TEST_CASE("ESRI ASCII grids: no data, where a program rounded it to a float") {
+  const Folder folder;
+  const auto file = folder / "a.asc";
+  const std::string head = "ncols 2\nnrows 1\nxllcorner 0\nyllcorner 0\ncellsize 5\nNODATA_value ";
+  const auto voids = [&](const std::string& no_data, const std::string& values) {
+    write(file, head + no_data + '\n' + values + '\n');
+    const Raster map = read_ascii_grid(file);
+    return std::pair(std::isnan(map.at(0, 0)), std::isnan(map.at(1, 0)));
+  };
+  CHECK(voids("-3.4028234663852886e+38", "-3.4028235e+38 -3.4e38") == std::pair(true, false));
+  CHECK(voids("-3.40282347e+38", "5 -3.4028234663852886e+38") == std::pair(false, true));
+  CHECK(voids("-9999", "-9999.0001 -9998.99") == std::pair(true, false));
+  CHECK(voids("0", "1e-300 -0") == std::pair(false, true));
+  CHECK(voids("1.7e308", "-1.7e308 1.7e308") == std::pair(false, true));
+
+  Raster map{2, 1, 0, 0, 5, {1, none}};
+  for (const double wrong : {none, HUGE_VAL, -HUGE_VAL})
+    CHECK(contains(message_of<std::invalid_argument>([&] { write_ascii_grid(file, map, wrong); }),
+                   "no_data is " + text_of(wrong) + "; allowed: a finite number"));
+  map.at(0, 0) = -9999.0001; // it would be read as none
+  CHECK(contains(message_of<std::invalid_argument>([&] { write_ascii_grid(file, map); }),
+                 "is -9999.0001; allowed: finite numbers other than that for no data, -9999"));
+}
+
 TEST_CASE("ESRI ASCII grids: what is refused, in words") {
   const Folder folder;
   const auto file = folder / "a.asc";
@@ -117,6 +141,9 @@ TEST_CASE("ESRI ASCII grids: what is refused, in words") {
       {head + "1 2 3\n4 -0.5 6\n", "line 7: a value is \"-0.5\"; allowed: a number >= 0, or"},
       {"ncols 2000000000\nnrows 2000000000\nxllcorner 0\nyllcorner 0\ncellsize 5\n1 2\n",
        "the number of values is 2; allowed: ncols * nrows = 4000000000000000000"},
+      {"xllcenter 2\n" + head + "1 2 3\n4 5 6\n",
+       "its header has xllcorner and xllcenter; allowed: one of the two"},
+      {"yllcenter 2\n" + head + "1 2 3\n4 5 6\n", "yllcorner and yllcenter; allowed: one of"},
   };
   for (const auto& wrong : refused) {
     const std::string words = wrong.second;
@@ -190,6 +217,20 @@ TEST_CASE("a field of a map: exact for a plane, in UTM too, also half a cell bey
                    BilinearMap(twisted, {0, 0});
                  }),
                  "columns or rows is 1; allowed: an integer >= 2"));
+}
+
+TEST_CASE("a map's origin is a point") {
+  const Raster map = plane(4, 3, 0, 0, 1, {0, 0});
+  for (const double wrong : {none, HUGE_VAL}) {
+    CHECK(contains(message_of<std::invalid_argument>([&] {
+                     BilinearMap(map, {wrong, 0});
+                   }),
+                   "map: origin.x is " + text_of(wrong) + "; allowed: a finite number"));
+    CHECK(contains(message_of<std::invalid_argument>([&] {
+                     CellMap(map, {0, wrong});
+                   }),
+                   "map: origin.y is " + text_of(wrong) + "; allowed: a finite number"));
+  }
 }
 
 TEST_CASE("friction by cell") {
@@ -439,6 +480,32 @@ TEST_CASE("a release on a slope: volume and place, in UTM") {
   CHECK(contains(message_of<std::invalid_argument>(
                      [&] { Release({.area = area, .bottom = height, .top = height}); }),
                  "release.cell is 0"));
+}
+
+TEST_CASE_TEMPLATE("particles on the edges of a map belong to its outermost cells", Real, double,
+                   float) {
+  const Vec<2> origin(632000.1, 5094000.7);
+  const Raster cells{30, 20, origin[0], origin[1], 0.1, std::vector<double>(600)}; // 3 m by 2 m
+  Particles<3, Real> sand;
+  const auto add = [&](double x, double y) { sand.add({x, y, 0}, {0, 0, 1}, 0.01); };
+  for (const double off : {0.0, 1e-9, -1e-9}) { // rounding
+    add(off, 1.05);
+    add(3 + off, 1.05);
+    add(1.05, off);
+    add(1.05, 2 + off);
+    add(3 + off, 2 + off);
+  }
+  const Raster depth = depth_map(sand, cells, origin);
+  CHECK(std::accumulate(depth.values.begin(), depth.values.end(), 0.0) * 0.01 == about(0.15, 1e-6));
+  for (const auto& [column, row] : {std::pair(0, 10), {29, 10}, {10, 0}, {10, 19}, {29, 19}})
+    CHECK(depth.at(column, row) == about(3, 1e-6));
+  CHECK(speed_map(sand, cells, origin).at(29, 19) == 1);
+  sand = {};
+  for (const double beside : {-0.01, 3.01})
+    add(beside, 1.05);
+  for (const double beside : {-0.01, 2.01})
+    add(1.05, beside);
+  CHECK(range_of(depth_map(sand, cells, origin)).second == 0);
 }
 
 TEST_CASE("an open sheet of triangles as a map of heights") {

@@ -53,10 +53,12 @@ constexpr int middle_row = -1; ///< of nodes across the channel, for measure_pro
 /// The profile along x at node row `row` across the channel, 0 to cells(1): 0 is next to the side
 /// wall, middle_row the middle one (2-D: ignored). In each column of nodes it is that of the lowest
 /// material; where there is none, all heights are 0. static_speed: m/s, what counts as flowing
-/// (0.01 m/s in Rousseau et al. 2023). Throws std::invalid_argument for a row that is not there.
+/// (0.01 m/s in Rousseau et al. 2023). Throws std::invalid_argument for a row that is not there, or
+/// unless static_speed is finite and >= 0.
 template <class Flow>
 Profile measure_profile(const Flow& flow, int row = middle_row, double static_speed = 0.01) {
   constexpr int dim = Flow::dimension, up = up_axis<dim>;
+  require_non_negative("measure_profile: static_speed", static_speed);
   const auto& grid = flow.grid();
   if constexpr (dim == 3) {
     if (row == middle_row)
@@ -108,7 +110,7 @@ inline int last_row(const std::string& what, int cells, int margin) {
 
 /// The mean of the profiles of all rows across, those at the sides counted half (2-D: the profile).
 /// margin: rows of cells at each side that are left out, as solid side walls are; static_speed:
-/// m/s. Throws std::invalid_argument if no row is left.
+/// m/s. Throws std::invalid_argument if no row is left, or as measure_profile does.
 template <class Flow>
 Profile mean_profile(const Flow& flow, int margin = 0, double static_speed = 0.01) {
   if constexpr (Flow::dimension == 2) {
@@ -147,8 +149,9 @@ inline Profile profile_beyond(const Profile& profile, double x) {
 
 /// Where the deposit ends downstream: the first x at which the surface falls to `level` (m above
 /// the floor) after it was above it, linear between nodes; the last node if it never falls, the
-/// first if it never is above.
+/// first if it never is above. Throws std::invalid_argument if the level is not finite.
 inline double front_position(const Profile& profile, double level) {
+  require_finite("front_position: level", level);
   std::size_t first = 0; // node of the deposit
   while (first < profile.x.size() && !(profile.height[first] > level))
     ++first;

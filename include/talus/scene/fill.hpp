@@ -83,7 +83,8 @@ std::size_t fill_box(Particles<Dim, Real>& particles, const Grid<Dim>& grid, con
   for (int a = 0; a < Dim; ++a) {
     const double slack = 1e-9 * grid.size()[a];
     if (!(upper[a] - lower[a] > slack))
-      throw_invalid("fill_box: upper - lower", upper[a] - lower[a], "a box of positive size");
+      throw_invalid("fill_box: upper - lower", upper[a] - lower[a],
+                    "more than " + text_of(slack) + " m, 1e-9 of the grid's size");
     if (lower[a] < grid.origin()[a] - slack || upper[a] > grid.upper()[a] + slack)
       throw_invalid("fill_box: a bound", lower[a] < grid.origin()[a] ? lower[a] : upper[a],
                     "a box inside the grid");

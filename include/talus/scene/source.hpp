@@ -80,7 +80,8 @@ class Source final : public Exchange<Dim, Real> {
 
   /// grid: that of the simulation, periodic where that is, or what passes such a face on its way
   /// along a strip stays there. Throws std::invalid_argument if a parameter is out of range, the
-  /// strip or region leaves the grid, or a strip's material would not move into it.
+  /// strip or region leaves the grid, a strip's material would not move into it, or `inside` lets
+  /// nothing in.
   Source(const Grid<Dim>& grid, Params params) : grid_(grid), params_(std::move(params)) {
     params_.seeding.validate();
     params_.time.validate("source");
@@ -98,6 +99,10 @@ class Source final : public Exchange<Dim, Real> {
       count_ = std::max(1.0, std::round(seconds / period_));
       period_ = seconds / count_;
       volume_ = params_.flux * period_;
+    }
+    if (!is_strip()) { // the first particle, so that a region that lets none in is refused here
+      std::vector<Vec<Dim>> places, middles;
+      group(0, params_.time.start, places, middles);
     }
   }
 

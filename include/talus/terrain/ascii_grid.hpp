@@ -60,16 +60,23 @@ inline std::string lower_case_of(std::string_view word) {
   return lower;
 }
 
+/// Is it the value for no data? Also where one of the two was rounded to a float, half of its last
+/// digit away: −3.4028235e38 for −3.4028234663852886e38.
+inline bool is_no_data(double value, double no_data) {
+  return std::abs(value - no_data) <= 0x1p-24 * std::abs(no_data);
+}
+
 } // namespace detail
 
 /// Reads an ESRI ASCII grid, whatever the locale. The header's keys may be in any order and in
 /// capitals: ncols, nrows, xllcorner and yllcorner or xllcenter and yllcenter, cellsize, and
-/// NODATA_value, −9999 if it is missing. Values equal to that become not-a-number. lowest: the
-/// least value that makes sense, 0 for a friction.
+/// NODATA_value, −9999 if it is missing. Values equal to that, as floats, become not-a-number.
+/// lowest: the least value that makes sense, 0 for a friction.
 ///
 /// Throws std::runtime_error that names the file, the line, the value and what is allowed if a key
-/// is missing, unknown or there twice, something is no number as a whole (`0,5`, `2m`, `nan`), a
-/// value is below `lowest`, or there are more or fewer values than ncols · nrows.
+/// is missing, unknown or there twice, corner and centre are both there, something is no number as
+/// a whole (`0,5`, `2m`, `nan`), a value is below `lowest`, or there are more or fewer values than
+/// ncols · nrows.
 inline Raster read_ascii_grid(const std::filesystem::path& path,
                               double lowest = -std::numeric_limits<double>::infinity()) {
   const std::string bytes = detail::read_bytes(path);
@@ -123,6 +130,13 @@ inline Raster read_ascii_grid(const std::filesystem::path& path,
   need(cell.value.has_value(), "cellsize");
   need(x_corner.value || x_centre.value, "xllcorner or xllcenter");
   need(y_corner.value || y_centre.value, "yllcorner or yllcenter");
+  const auto one_of = [&](const Key& corner, const Key& centre) {
+    if (corner.value && centre.value)
+      detail::cannot_read(path, "its header has " + std::string(corner.name) + " and " +
+                                    std::string(centre.name) + "; allowed: one of the two");
+  };
+  one_of(x_corner, x_centre);
+  one_of(y_corner, y_centre);
 
   Raster map;
   map.columns = static_cast<int>(*columns.value);
@@ -151,10 +165,11 @@ inline Raster read_ascii_grid(const std::filesystem::path& path,
       in_line = 0;
     }
     ++in_line;
-    if (*value != no_data && *value < lowest)
+    const bool there = !detail::is_no_data(*value, no_data);
+    if (there && *value < lowest)
       fail("a value", word, "a number >= " + text_of(lowest) + ", or NODATA_value");
     if (read < count)
-      map.values.push_back(*value == no_data ? std::numeric_limits<double>::quiet_NaN() : *value);
+      map.values.push_back(there ? *value : std::numeric_limits<double>::quiet_NaN());
   }
   end_line();
   if (read != count)
@@ -168,11 +183,12 @@ inline Raster read_ascii_grid(const std::filesystem::path& path,
 
 /// Writes a map as an ESRI ASCII grid: each number with the fewest digits that read back as the
 /// same value, whatever the locale; not-a-number as no_data. Throws as Raster::validate,
-/// std::invalid_argument if a value is infinite or the same as no_data, std::runtime_error that
-/// names the file if it cannot be written.
+/// std::invalid_argument if no_data is not finite or a value is infinite or, as a float, the same
+/// as no_data, std::runtime_error that names the file if it cannot be written.
 inline void write_ascii_grid(const std::filesystem::path& path, const Raster& map,
                              double no_data = -9999) {
   map.validate();
+  require_finite("no_data", no_data);
   std::string text;
   const auto number = [&](const auto& value) {
     char digits[32];
@@ -192,7 +208,7 @@ inline void write_ascii_grid(const std::filesystem::path& path, const Raster& ma
   for (int row = map.rows - 1; row >= 0; --row)
     for (int column = 0; column < map.columns; ++column) {
       const double value = map.at(column, row);
-      if (std::isinf(value) || value == no_data)
+      if (std::isinf(value) || detail::is_no_data(value, no_data))
         throw_invalid("a value of " + path.string(), value,
                       "finite numbers other than that for no data, " + text_of(no_data));
       number(std::isnan(value) ? no_data : value);

@@ -15,16 +15,24 @@
 namespace talus {
 
 /// Calls visit(value of the map's cell, number of the particle) for each particle above a cell of
-/// `map`. origin: the point of the map that is (0, 0) in the box, m.
+/// `map`; those on an edge of the map, where closed faces hold them, are above its outermost cells.
+/// origin: the point of the map that is (0, 0) in the box, m.
 template <class Real, class Visit>
 void for_each_particle_in(Raster& map, const Particles<3, Real>& particles, const Vec<2>& origin,
                           const Visit& visit) {
   const double left = map.x - origin[0], lower = map.y - origin[1];
+  const auto cell_at = [&](double distance, int count) { // from the first edge, m; -1: beside
+    const double place = distance / map.cell;
+    const double rounding = 1e-6 * count; // of floats, and of coordinates in UTM
+    if (!(place >= -rounding && place <= count + rounding))
+      return -1;
+    return std::clamp(static_cast<int>(std::floor(place)), 0, count - 1);
+  };
   for (std::size_t p = 0; p < particles.size(); ++p) {
-    const double column = std::floor((particles.position[p][0] - left) / map.cell);
-    const double row = std::floor((particles.position[p][1] - lower) / map.cell);
-    if (column >= 0 && column < map.columns && row >= 0 && row < map.rows)
-      visit(map.at(static_cast<int>(column), static_cast<int>(row)), p);
+    const int column = cell_at(particles.position[p][0] - left, map.columns);
+    const int row = cell_at(particles.position[p][1] - lower, map.rows);
+    if (column >= 0 && row >= 0)
+      visit(map.at(column, row), p);
   }
 }
 

@@ -66,16 +66,28 @@ struct Raster {
   }
 };
 
+namespace detail {
+
+/// A map in the coordinates of the box. Throws as Raster::validate, and std::invalid_argument if
+/// the origin is not finite.
+inline std::shared_ptr<const Raster> in_box(Raster map, const Vec<2>& origin) {
+  map.validate();
+  require_finite("map: origin.x", origin[0]);
+  require_finite("map: origin.y", origin[1]);
+  map.x -= origin[0];
+  map.y -= origin[1];
+  return std::make_shared<const Raster>(std::move(map));
+}
+
+} // namespace detail
+
 /// A map as a function of the place, with one value a cell: a friction, say. A copy is cheap.
 class CellMap {
  public:
-  /// origin: the point of the map that is (0, 0) in the box, m. Throws as Raster::validate.
-  CellMap(Raster raster, const Vec<2>& origin) {
-    raster.validate();
-    raster.x -= origin[0];
-    raster.y -= origin[1];
-    raster_ = std::make_shared<const Raster>(std::move(raster));
-  }
+  /// origin: the point of the map that is (0, 0) in the box, m. Throws as Raster::validate, and
+  /// std::invalid_argument if the origin is not finite.
+  CellMap(Raster raster, const Vec<2>& origin)
+      : raster_(detail::in_box(std::move(raster), origin)) {}
 
   /// x, y: in the box, m. The value of the cell there; outside of the map of the nearest one. Not a
   /// number where the map has none.
@@ -94,15 +106,12 @@ class CellMap {
 class BilinearMap {
  public:
   /// origin: the point of the map that is (0, 0) in the box, m. Throws as Raster::validate, and
-  /// std::invalid_argument if the map has only one row or column.
-  BilinearMap(Raster raster, const Vec<2>& origin) {
-    raster.validate();
-    if (raster.columns < 2 || raster.rows < 2)
-      throw_invalid("bilinear map: columns or rows", std::min(raster.columns, raster.rows),
+  /// std::invalid_argument if the origin is not finite or the map has only one row or column.
+  BilinearMap(Raster raster, const Vec<2>& origin)
+      : raster_(detail::in_box(std::move(raster), origin)) {
+    if (raster_->columns < 2 || raster_->rows < 2)
+      throw_invalid("bilinear map: columns or rows", std::min(raster_->columns, raster_->rows),
                     "an integer >= 2");
-    raster.x -= origin[0];
-    raster.y -= origin[1];
-    raster_ = std::make_shared<const Raster>(std::move(raster));
   }
 
   /// x, y: in the box, m. Beyond the outermost middles it goes on as the cells there do. Not a
