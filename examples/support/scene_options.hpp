@@ -5,6 +5,7 @@
 #include "run.hpp"
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
@@ -18,6 +19,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -87,8 +89,13 @@ typename Sim::Params box_params(const SceneOptions& options, const talus::Vec<3>
   typename Sim::Params params;
   for (int a = 0; a < Dim; ++a) {
     params.grid.size[a] = size[a == up ? 2 : a];
-    params.grid.cells[a] =
-        std::max(1, static_cast<int>(std::lround(params.grid.size[a] / options.cell)));
+    const double cells = std::round(params.grid.size[a] / options.cell);
+    constexpr int most = std::numeric_limits<int>::max();
+    if (!(cells <= most))
+      talus::throw_invalid("--cell", options.cell,
+                           "a part of the box: at most " + std::to_string(most) + " on " +
+                               talus::text_of(params.grid.size[a]) + " m");
+    params.grid.cells[a] = std::max(1, static_cast<int>(cells));
     const auto side = static_cast<std::size_t>(a);
     params.faces.lower[side] =
         params.faces.upper[side] = {talus::FaceKind::frictional, options.wall_friction};
