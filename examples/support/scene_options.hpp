@@ -53,7 +53,10 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
                                                        {"random", Pattern::random},
                                                        {"blue-noise", Pattern::blue_noise}};
   app.add_option("--cell", options.cell, "Edge of a cell, m")->capture_default_str();
-  app.add_option("--time-step", options.time_step, "s; default: 0.05 sqrt(cell/g)");
+  auto* step = app.add_option("--time-step", options.time_step,
+                              options.time_step ? "s" : "s; default: 0.05 sqrt(cell/g)");
+  if (options.time_step)
+    step->default_str(talus::text_of(*options.time_step));
   app.add_option("--friction", options.friction, "Of the material")->capture_default_str();
   app.add_option("--wall-friction", options.wall_friction, "Of the walls")->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
