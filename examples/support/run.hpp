@@ -116,7 +116,10 @@ inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
 
 /// All options of a run; what `options` holds is the default.
 inline void add_run_options(CLI::App& app, RunOptions& options, const std::string& default_out) {
-  app.add_option("--end-time", options.end_time, "Simulated time, s")->capture_default_str();
+  if (std::isinf(options.end_time)) // it follows from others
+    app.add_option("--end-time", options.end_time, "Simulated time, s; default: all of the scene");
+  else
+    app.add_option("--end-time", options.end_time, "Simulated time, s")->capture_default_str();
   add_snapshot_options(app, options);
   add_resume_options(app, options.resume);
   add_common_options(app, options.common, default_out);
