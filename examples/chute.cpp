@@ -8,10 +8,13 @@
 
 #include "support/scene.hpp"
 
-#include "talus/diagnostics/profile.hpp"
+#include "talus/core/error.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
+#include <string>
 #include <vector>
 
 namespace {
@@ -35,16 +38,27 @@ struct Law {
   }
   /// Velocity at depth y in a layer of depth `depth`, m/s.
   double velocity(double y, double depth) const {
+    return integral(y, depth, [&](double at) { return shear_rate(at); });
+  }
+  /// Of the layer, m²/s: ∫ u dy = ∫ y du, as u is 0 at the floor.
+  double flux(double depth) const {
+    return integral(0, depth, [&](double at) { return at * shear_rate(at); });
+  }
+
+ private:
+  template <class Function>
+  static double integral(double from, double to, const Function& f) {
     constexpr int parts = 2000;
-    const double step = (depth - y) / parts;
+    const double step = (to - from) / parts;
     double sum = 0;
     for (int k = 0; k < parts; ++k)
-      sum += shear_rate(y + (k + 0.5) * step) * step;
+      sum += f(from + (k + 0.5) * step) * step;
     return sum;
   }
 };
 
-/// Velocity along the slope at each row of nodes above the floor, the mean across, m/s.
+/// Velocity along the slope at each row of nodes from the floor up to the surface, the mean across,
+/// m/s. rows: up to the surface at the start; those above material that has sunk are left out.
 template <int Dim>
 std::vector<double> profile(const Sim<Dim>& sim, int rows) {
   std::vector<double> speeds;
@@ -61,7 +75,28 @@ std::vector<double> profile(const Sim<Dim>& sim, int rows) {
     }
     speeds.push_back(sum);
   }
+  while (speeds.size() > 2 && !(speeds.back() > 0))
+    speeds.pop_back();
   return speeds;
+}
+
+/// Has the speed of the surface the same mean in the last second as in the one before?
+bool is_steady(const support::Series& surface) {
+  constexpr double span = 1, change = 1e-3; // s, relative
+  constexpr int least = 3;                  // rows in a second
+  const auto& time = surface["time_s"];
+  const auto& speed = surface["speed_m_s"];
+  double sum[] = {0, 0}; // of the last second, and of the one before
+  int rows[] = {0, 0};
+  for (std::size_t i = time.size(); i-- > 0 && time.back() - time[i] < 2 * span;) {
+    const int second = time.back() - time[i] < span ? 0 : 1;
+    sum[second] += speed[i];
+    ++rows[second];
+  }
+  if (time.empty() || time.back() < 2 * span || rows[0] < least || rows[1] < least)
+    return false;
+  const double now = sum[0] / rows[0];
+  return std::abs(now - sum[1] / rows[1]) < change * now;
 }
 
 } // namespace
@@ -71,7 +106,8 @@ int main(int argc, char** argv) {
   double mu_static = 0.38, mu_limit = 0.64, I_0 = 0.279;
   support::Scene scene("chute", "Steady flow down a rough incline without end, friction mu(I).");
   scene.cell = 0.0025;
-  scene.packing.even = true; // it is sheared by many times its height
+  scene.without({"friction"}); // it is mu(I)
+  scene.packing.even = true;   // it is sheared by many times its height
   scene.run.end_time = 30;
   scene.run.sample_interval = 0.05;
   scene.run.snapshot_interval = 0.5;
@@ -88,7 +124,13 @@ int main(int argc, char** argv) {
     constexpr int up = talus::up_axis<dim>;
     const double slope = angle * std::numbers::pi / 180;
     talus::require_positive("--depth", depth);
-    talus::require_positive("--grain-share", packing);
+    if (!(packing > 0 && packing <= 1))
+      talus::throw_invalid("--grain-share", packing, "a number > 0, at most 1");
+    if (scene.cell > depth)
+      talus::throw_invalid("--cell", scene.cell, "at most --depth");
+    if (dim == 2 && scene.given("--wall-friction"))
+      talus::throw_invalid("--wall-friction", scene.wall_friction,
+                           "nothing in 2-D: there are no side walls");
     if (!(length >= 1))
       talus::throw_invalid("--length", length, "a number >= 1");
     if (!(std::tan(slope) > mu_static && std::tan(slope) < mu_limit))
@@ -108,48 +150,46 @@ int main(int argc, char** argv) {
     Sim<dim> sim(params, sand);
     const Law law{params.rheology.law, std::tan(slope), dim == 3 ? scene.wall_friction / width : 0,
                   std::sqrt(packing * 9.81 * std::cos(slope)) / diameter};
-    const int rows = static_cast<int>(std::lround(depth / sim.grid().spacing()[up]));
+    const double cell = sim.grid().spacing()[up];
+    const int rows = static_cast<int>(depth / cell + 1e-6); // the highest one in the layer
     auto run = scene.start(sim);
     if (run.finished())
       return 0;
     auto& series = run.series("surface.csv", {"time_s", "speed_m_s"});
-    constexpr double enough = 2e-3, interval = 1; // relative change of the speed in that time, s
     while (run.advance())
       if (run.sample_due()) {
-        const double now = profile(sim, rows).back();
-        series.row(run.time(), now);
-        const std::size_t before = static_cast<std::size_t>(interval / scene.run.sample_interval);
-        const auto& speeds = series["speed_m_s"];
-        if (speeds.size() > before && now > 0 &&
-            std::abs(now - speeds[speeds.size() - 1 - before]) < enough * now)
+        series.row(run.time_before(), profile(sim, rows).back());
+        if (is_steady(series))
           run.stop();
       }
 
     std::vector<double> height, exact;
     const std::vector<double> speed = profile(sim, rows);
-    double error = 0, flux = 0, flux_law = 0;
-    for (int k = 0; k <= rows; ++k) {
-      const double z = depth * k / rows, share = (k == 0 || k == rows ? 0.5 : 1) * depth / rows;
+    const bool steady = is_steady(series);
+    double error = 0, flux = 0;
+    for (std::size_t k = 0; k < speed.size(); ++k) {
+      const double z = cell * static_cast<double>(k);
       height.push_back(1000 * z);
-      exact.push_back(law.velocity(depth - z, depth));
-      const std::size_t row = static_cast<std::size_t>(k);
-      error = std::max(error, std::abs(speed[row] - exact[row]));
-      flux += share * speed[row];
-      flux_law += share * exact[row];
+      exact.push_back(law.velocity(std::max(0.0, depth - z), depth));
+      error = std::max(error, std::abs(speed[k] - exact[k]));
+      if (k > 0)
+        flux += cell * (speed[k] + speed[k - 1]) / 2;
     }
+    flux += (depth - cell * static_cast<double>(speed.size() - 1)) * speed.back();
     const char* name =
         dim == 2 ? "Bagnold's profile" : "mu(I) of the means across (Jop et al. 2005)";
-    auto picture =
-        support::picture("Chute",
-                         support::text("surface %.3f m/s, law %.3f m/s; largest difference %.1f %%",
-                                       speed.back(), exact.back(), 100 * error / exact.back()),
-                         "velocity (m/s)", speed, "height (mm)", height);
+    std::string fact = support::text("surface %.3f m/s, law %.3f m/s; largest difference %.1f %%",
+                                     speed.back(), exact.back(), 100 * error / exact.back());
+    if (!steady)
+      fact += ", not yet steady";
+    auto picture = support::picture("Chute", fact, "velocity (m/s)", speed, "height (mm)", height);
     picture["panels"][0]["curves"].push_back(
         {{"kind", "dashed"}, {"label", name}, {"x", exact}, {"y", height}});
-    return run.finish({{"surface_speed_m_s", speed.back()},
+    return run.finish({{"steady", steady},
+                       {"surface_speed_m_s", speed.back()},
                        {"surface_speed_law_m_s", exact.back()},
                        {"flux_m2_s", flux},
-                       {"flux_law_m2_s", flux_law},
+                       {"flux_law_m2_s", law.flux(depth)},
                        {"profile_difference", error / exact.back()}},
                       picture);
   });

@@ -9,6 +9,7 @@
 #include "talus/core/error.hpp"
 
 #include <cmath>
+#include <string>
 
 int main(int argc, char** argv) {
   double diameter = 0.06, density = 2500, drop = 0.2, bed = 0.12; // m, kg/m³
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
     talus::require_positive("--ball-density", density);
     talus::require_non_negative("--drop", drop);
     talus::require_positive("--bed", bed);
+    talus::require_positive("--friction", scene.friction); // Uehara's formula divides by it
     const double width = 4 * diameter;
     auto params = scene.box<3>({width, width, bed + diameter});
     auto ball = talus::ball_body<3>({width / 2, width / 2, bed + diameter / 2}, diameter / 2,
@@ -45,18 +47,21 @@ int main(int argc, char** argv) {
                    -sim.bodies()[0].velocity[2], sim.body_wrench(0).force[2]);
 
     const double depth = motion["depth_m"].back();
+    const bool on_floor = depth > bed - sim.grid().spacing()[2]; // the ball, but for the last cell
     // d = 0.14/μ (ρ/ρ_c)^{1/2} D^{2/3} (drop + d)^{1/3}, by fixed point; not from 0, which is one
     // for a ball that is set down.
     double uehara = diameter;
     for (int k = 0; k < 30; ++k)
       uehara = 0.14 / scene.friction * std::sqrt(density / scene.density) *
                std::cbrt(diameter * diameter * (drop + uehara));
-    return run.finish(
-        {{"depth_m", depth},
-         {"speed_end_m_s", motion["speed_m_s"].back()},
-         {"depth_uehara_m", uehara}},
-        support::picture("Impact",
-                         support::text("depth %.3f m; Uehara et al. 2003: %.3f m", depth, uehara),
-                         "time (s)", motion["time_s"], "depth (m)", motion["depth_m"]));
+    std::string fact = support::text("depth %.3f m; Uehara et al. 2003: %.3f m", depth, uehara);
+    if (on_floor)
+      fact += "; the ball has reached the floor";
+    return run.finish({{"depth_m", depth},
+                       {"reached_floor", on_floor},
+                       {"speed_end_m_s", motion["speed_m_s"].back()},
+                       {"depth_uehara_m", uehara}},
+                      support::picture("Impact", fact, "time (s)", motion["time_s"], "depth (m)",
+                                       motion["depth_m"]));
   });
 }

@@ -38,6 +38,7 @@ int main(int argc, char** argv) {
   double lower_friction = 0.75, lower_density = 1520, density = 1470; // kg/m³
   support::Scene scene("layers", "A column of two materials collapses: beads on granules.");
   scene.run.end_time = 1;
+  scene.without({"wall-friction"}); // the walls are smooth
   scene.option("--column-length", length, "column_length_m", "m");
   scene.option("--column-height", height, "column_height_m", "m");
   scene.option("--lower-share", share, "lower_share",

@@ -82,6 +82,7 @@ int main(int argc, char** argv) {
   scene.run.sample_interval = 0.05;
   scene.run.snapshot_interval = 0.5;
   scene.run.section_row = "wall"; // through the axis of the cone
+  scene.without({"seeding"});     // a source pours a lattice
   scene.option("--heap-height", heap, "heap_height_m", "Of the heap at the angle of friction, m");
   scene.option("--pour-time", seconds, "pour_time_s", "In which it is poured, s: the rate");
   scene.option("--rest-time", rest, "rest_time_s", "After that, s");

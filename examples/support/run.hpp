@@ -29,6 +29,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <functional>
 #include <list>
@@ -116,7 +117,10 @@ inline void add_snapshot_options(CLI::App& app, RunOptions& options) {
 
 /// All options of a run; what `options` holds is the default.
 inline void add_run_options(CLI::App& app, RunOptions& options, const std::string& default_out) {
-  app.add_option("--end-time", options.end_time, "Simulated time, s")->capture_default_str();
+  if (std::isinf(options.end_time)) // it follows from others
+    app.add_option("--end-time", options.end_time, "Simulated time, s; default: all of the scene");
+  else
+    app.add_option("--end-time", options.end_time, "Simulated time, s")->capture_default_str();
   add_snapshot_options(app, options);
   add_resume_options(app, options.resume);
   add_common_options(app, options.common, default_out);
@@ -161,8 +165,8 @@ class Run {
     }
     earlier_ = checkpoints_.resume(sim_);
     fs::remove(summary_file()); // a summary always belongs to a finished run
-    if (!earlier_)
-      remove_frames();
+    keep("frames", frames_);
+    remove_frames(options_.vtk == "all" ? frames_.size() : 0);
     if (options_.vtk != "none") {
       fs::create_directories(out_ / "vtk");
       particle_series_.emplace(out_ / "particles.pvd");
@@ -170,7 +174,6 @@ class Run {
     }
     keep("next_sample", next_sample_);
     keep("next_snapshot", next_snapshot_);
-    keep("frames", frames_);
     keep(
         "seconds", [this] { return seconds(); },
         [this](const json& value) { earlier_seconds_ = value; });
@@ -497,15 +500,17 @@ class Run {
         }
   }
 
-  /// Frames of an earlier run, which ParaView would show as a part of this one.
-  void remove_frames() const {
+  /// Frames from number `first` on, of an earlier run or an interruption: ParaView would show them
+  /// as a part of this one.
+  void remove_frames(std::size_t first) const {
     for (const char* series : {"particles.pvd", "grid.pvd"})
       fs::remove(out_ / series);
     std::error_code none;
     for (const auto& entry : fs::directory_iterator(out_ / "vtk", none)) {
       const std::string name = entry.path().filename().string();
       if ((name.starts_with("particles_") || name.starts_with("grid_")) &&
-          (name.ends_with(".vtu") || name.ends_with(".pvtu")))
+          (name.ends_with(".vtu") || name.ends_with(".pvtu")) &&
+          std::strtoull(name.c_str() + name.find('_') + 1, nullptr, 10) >= first)
         fs::remove(entry.path());
     }
   }

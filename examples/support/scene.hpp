@@ -11,6 +11,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <array>
 #include <functional>
 #include <numbers>
@@ -63,6 +64,10 @@ class Scene : public SceneOptions {
     own_.emplace_back(key, [&value] { return nlohmann::json(value); });
   }
 
+  /// Options of all scenes that would do nothing in this one, without the dashes: it does not have
+  /// them.
+  void without(const std::vector<std::string>& names) { without_ = names; }
+
   /// The program: reads the command line and calls body<dimension>() → exit status. Dims: the
   /// dimensions that it can be run in, 2, 3 or both; of one alone, body may be no template.
   template <int... Dims, class Body>
@@ -76,6 +81,8 @@ class Scene : public SceneOptions {
           ->capture_default_str();
     }
     add_scene_options(app_, *this, "out/" + name_);
+    for (const std::string& name : without_)
+      app_.remove_option(app_.get_option("--" + name));
     return run_program(app_, argc, argv, [&] {
       if constexpr (choice)
         return dimension == 2 ? body.template operator()<2>() : body.template operator()<3>();
@@ -103,6 +110,10 @@ class Scene : public SceneOptions {
   template <class Sim>
   Run<Sim> start(Sim& sim) const {
     nlohmann::json inputs = scene_inputs(*this, sim);
+    for (std::string name : without_) {
+      std::replace(name.begin(), name.end(), '-', '_');
+      inputs.erase(name);
+    }
     for (const auto& [key, value] : own_)
       inputs[key] = value();
     return Run<Sim>(sim, name_, run, inputs);
@@ -111,6 +122,7 @@ class Scene : public SceneOptions {
  private:
   std::string name_;
   CLI::App app_;
+  std::vector<std::string> without_;
   std::vector<std::pair<std::string, std::function<nlohmann::json()>>> own_;
 };
 

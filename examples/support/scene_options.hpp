@@ -5,6 +5,7 @@
 #include "run.hpp"
 
 #include "talus/boundary/faces.hpp"
+#include "talus/core/error.hpp"
 #include "talus/core/types.hpp"
 #include "talus/rheology/laws.hpp"
 #include "talus/scene/fill.hpp"
@@ -18,6 +19,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -51,7 +53,10 @@ inline void add_scene_options(CLI::App& app, SceneOptions& options,
                                                        {"random", Pattern::random},
                                                        {"blue-noise", Pattern::blue_noise}};
   app.add_option("--cell", options.cell, "Edge of a cell, m")->capture_default_str();
-  app.add_option("--time-step", options.time_step, "s; default: 0.05 sqrt(cell/g)");
+  auto* step = app.add_option("--time-step", options.time_step,
+                              options.time_step ? "s" : "s; default: 0.05 sqrt(cell/g)");
+  if (options.time_step)
+    step->default_str(talus::text_of(*options.time_step));
   app.add_option("--friction", options.friction, "Of the material")->capture_default_str();
   app.add_option("--wall-friction", options.wall_friction, "Of the walls")->capture_default_str();
   app.add_option("--packing-slack", options.packing.slack, "See talus::Packing")
@@ -87,8 +92,13 @@ typename Sim::Params box_params(const SceneOptions& options, const talus::Vec<3>
   typename Sim::Params params;
   for (int a = 0; a < Dim; ++a) {
     params.grid.size[a] = size[a == up ? 2 : a];
-    params.grid.cells[a] =
-        std::max(1, static_cast<int>(std::lround(params.grid.size[a] / options.cell)));
+    const double cells = std::round(params.grid.size[a] / options.cell);
+    constexpr int most = std::numeric_limits<int>::max();
+    if (!(cells <= most))
+      talus::throw_invalid("--cell", options.cell,
+                           "a part of the box: at most " + std::to_string(most) + " on " +
+                               talus::text_of(params.grid.size[a]) + " m");
+    params.grid.cells[a] = std::max(1, static_cast<int>(cells));
     const auto side = static_cast<std::size_t>(a);
     params.faces.lower[side] =
         params.faces.upper[side] = {talus::FaceKind::frictional, options.wall_friction};

@@ -12,6 +12,7 @@
 #include "talus/diagnostics/fits.hpp"
 #include "talus/diagnostics/profile.hpp"
 #include "talus/diagnostics/silo.hpp"
+#include "talus/diagnostics/totals.hpp"
 
 #include <doctest/doctest.h>
 
@@ -88,6 +89,29 @@ TEST_CASE("Janssen: above a sinking floor the walls carry the weight of what is 
     if (height > 0.5) // more on top would change little
       CHECK(pressure > 0.9 * density * gravity * width / (2 * wall_friction * K));
   }
+}
+
+TEST_CASE("the load of a silo counts what is denser than dense as a whole") {
+  const double width = 0.1, height = 0.1;
+  auto params = silo(width, height, 0, 0).params();
+  Particles<2> sand; // random: some nodes are, and stay so
+  fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {width, height},
+              {.pattern = Seeding::Pattern::random});
+  scenes::Sim<2> sim(params, sand);
+  double vertical = 0, centre = 0, steps = 0; // means at rest
+  while (sim.time() < 0.8) {
+    REQUIRE(sim.step().completed());
+    if (sim.time() < 0.6)
+      continue;
+    const SiloLoad load = silo_load(sim);
+    CHECK(load.depth == support::about(height, 1e-6));
+    vertical += load.vertical;
+    centre += centre_of_mass(sim.particles())[1];
+    ++steps;
+  }
+  // ∫ σ_zz dV = ∫ ρ g z dV
+  CHECK(vertical / steps ==
+        support::about(params.material.density * gravity * centre / steps, 1e-3));
 }
 
 TEST_CASE("a silo empties at a rate that does not depend on the height of the filling") {

@@ -83,6 +83,16 @@ measured short end_time_s | awk '{ exit !($1 > 0.297) }' || fail "ended at $(mea
   --snapshot-interval 0.02 --out frames
 "$programs/collapse" --dim 2 --cell 0.02 0.02 0.01 --quiet --no-plot --end-time 0.1 --vtk last --out frames --overwrite
 [ "$(find frames/vtk -type f | wc -l)" -eq 2 ] || fail "frames of an earlier run: $(ls frames/vtk)"
+interrupted='--dim 2 --cell 0.02 0.02 0.01 --threads 1 --quiet --no-plot --vtk last --end-time 1 --out interrupted'
+# shellcheck disable=SC2086
+(exec "$programs/collapse" $interrupted) &
+process=$!
+until [ -s interrupted/sections.csv ]; do sleep 0.05; done
+kill -TERM $process
+wait $process && fail "the run ended before it was interrupted"
+# shellcheck disable=SC2086
+"$programs/collapse" $interrupted --resume
+[ "$(find interrupted/vtk -type f | wc -l)" -eq 2 ] || fail "the frame of an interruption: $(ls interrupted/vtk)"
 
 # A column that leans on the upstream wall is not at rest before its gate has left it, 0.3 m higher. The gate is smooth: a rough
 # one takes grains along, and leaves the highest one later.

@@ -41,11 +41,14 @@ SiloLoad silo_load(const Sim& sim, std::size_t floor = 0) {
   const auto& grid = sim.grid();
   const double area = grid.size().prod() / grid.size()[up];
   double volume = 0, vertical = 0; // ∫ φ and ∫ σ_zz
-  for (const int node : sim.problem().node) {
-    const Index<dim> index = grid.node_index(node);
-    const double node_volume = grid.node_volume(index);
-    volume += node_volume * std::min(1.0, sim.volume_fraction(index));
-    vertical += node_volume * sim.stress(index)(up, up);
+  const auto& problem = sim.problem();
+  for (std::size_t i = 0; i < problem.node.size(); ++i) {
+    const Index<dim> index = grid.node_index(problem.node[i]);
+    // What is denser than dense counts as a whole, as its weight does; stress() is that of a full
+    // node there.
+    volume += problem.node_volume[i] * sim.volume_fraction(index);
+    vertical +=
+        std::max(problem.node_volume[i], sim.stress_volume(index)) * sim.stress(index)(up, up);
   }
   SiloLoad load;
   load.depth = volume / area;
