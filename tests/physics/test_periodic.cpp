@@ -312,69 +312,60 @@ TEST_CASE("periodic: mu(I) gives Bagnold's profile, and flows as H^(3/2) at each
   }
 }
 
-TEST_CASE("periodic: a flow sheared by several times its length keeps its speed and its volume") {
+/// mu(I) with `even` at 26°, on Bagnold's profile from the start.
+struct Bagnold {
   using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
-  const double height = 0.1, diameter = height / 2, angle = 26 * degree;
-  for (const int length : {2, 4}) {
-    CAPTURE(length);
-    auto params = slope<Sim>(length, 16, height, angle);
-    params.time_step = 1.2e-3; // 0.3 % of strain
+  double height, diameter; // m
+  Sim::Params params;
+  Particles<2> sand{};
+  double volume = 0, mean = 0; // m², m/s
+
+  Bagnold(int length, int cells, double layer_height, double grain)
+      : height(layer_height), diameter(grain),
+        params(slope<Sim>(length, cells, height, 26 * degree)) {
     params.packing.even = true;
     params.solver = {.tolerance = 1e-5, .max_sweeps = 2000};
     params.rheology = {
         .law = glass,
         .inertial = {.grain_diameter = diameter, .density = density, .strain_factor = 2}};
-    const double tangent = std::tan(angle), I = 0.279 * (tangent - 0.38) / (0.64 - tangent);
-    const double scale = 2.0 / 3 * I / diameter * std::sqrt(g * std::cos(angle));
-    Particles<2> sand;
+    const double tangent = std::tan(26 * degree), I = 0.279 * (tangent - 0.38) / (0.64 - tangent);
+    const double scale = 2.0 / 3 * I / diameter * std::sqrt(g * std::cos(26 * degree));
+    mean = 0.6 * scale * std::pow(height, 1.5);
     fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {params.grid.size[0], height},
                 {.per_axis = 4, .jitter = 0.5});
-    double volume = 0;
-    for (std::size_t p = 0; p < sand.size(); ++p) { // Bagnold's profile from the start
+    for (std::size_t p = 0; p < sand.size(); ++p) {
       const double below = std::max(0.0, height - sand.position[p][1]);
       sand.velocity[p][0] = scale * (std::pow(height, 1.5) - std::pow(below, 1.5));
       sand.affine[p](0, 1) = 1.5 * scale * std::sqrt(below);
       volume += sand.volume[p];
     }
-    Sim sim(params, sand);
-    while (sim.time() < 20 * std::sqrt(height / g)) // 5 units of strain
+  }
+};
+
+TEST_CASE("periodic: a flow sheared by several times its length keeps its speed and its volume") {
+  for (const int length : {2, 4}) {
+    CAPTURE(length);
+    Bagnold flow(length, 16, 0.1, 0.05);
+    flow.params.time_step = 1.2e-3; // 0.3 % of strain
+    Bagnold::Sim sim(flow.params, flow.sand);
+    while (sim.time() < 20 * std::sqrt(flow.height / g)) // 5 units of strain
       REQUIRE(sim.step().completed());
     double middle = 0;
     for (std::size_t p = 0; p < sim.particles().size(); ++p)
-      middle += sim.particles().volume[p] * sim.particles().position[p][1] / volume;
-    CHECK(momentum(sim.particles())[0] / volume ==
-          support::about(0.6 * scale * std::pow(height, 1.5), 0.03));
-    CHECK(middle == support::about(height / 2, 0.015));
+      middle += sim.particles().volume[p] * sim.particles().position[p][1] / flow.volume;
+    CHECK(momentum(sim.particles())[0] / flow.volume == support::about(flow.mean, 0.03));
+    CHECK(middle == support::about(flow.height / 2, 0.015));
   }
 }
 
 TEST_CASE("periodic: mu(I) with the pressures of moving particles keeps its speed") {
   // In a box one cell long (above) all pressures are those of the layer. In a longer one they
   // alternate, and mu of single ones is too large: 0.91 after a second.
-  using Sim = Simulation<2, MuOfI, PolyPic, GaussSeidel<>>;
-  const double height = 0.03, diameter = 5.3e-4, angle = 26 * degree;
-  auto params = slope<Sim>(8, 6, height, angle);
-  params.packing.even = true;
-  params.rheology = {
-      .law = glass,
-      .inertial = {.grain_diameter = diameter, .density = density, .strain_factor = 2}};
-  const double tangent = std::tan(angle), I = 0.279 * (tangent - 0.38) / (0.64 - tangent);
-  const double scale = 2.0 / 3 * I / diameter * std::sqrt(g * std::cos(angle));
-  Particles<2> sand;
-  fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, {params.grid.size[0], height},
-              {.per_axis = 4, .jitter = 0.5});
-  double volume = 0;
-  for (std::size_t p = 0; p < sand.size(); ++p) {
-    const double below = std::max(0.0, height - sand.position[p][1]);
-    sand.velocity[p][0] = scale * (std::pow(height, 1.5) - std::pow(below, 1.5));
-    sand.affine[p](0, 1) = 1.5 * scale * std::sqrt(below);
-    volume += sand.volume[p];
-  }
-  Sim sim(params, sand);
+  const Bagnold flow(8, 6, 0.03, 5.3e-4);
+  Bagnold::Sim sim(flow.params, flow.sand);
   while (sim.time() < 1)
     REQUIRE(sim.step().completed());
-  CHECK(momentum(sim.particles())[0] / volume ==
-        support::about(0.6 * scale * std::pow(height, 1.5), 0.03));
+  CHECK(momentum(sim.particles())[0] / flow.volume == support::about(flow.mean, 0.03));
 }
 
 TEST_CASE("periodic: a viscous layer has its parabola") {
