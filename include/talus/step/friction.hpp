@@ -153,7 +153,7 @@ double cone_pressure(const DualProblem<Dim>& problem, std::size_t i, double stre
 }
 
 /// The mean pressure over a node and its neighbours, Pa, by the volumes V that stress acts on
-/// there: \f[ \bar p = Σ_k w_k V_k p_k / Σ_k w_k V_k, \f] w = 1, 2, 1 along each axis. A law gets
+/// there: \f[ \bar p = Σ_k w_k V_k p_k / Σ_k w_k V_k, \f] w: see Grid::neighbour_weight. A law gets
 /// this one, since the pressure of single nodes alternates from one to the next and from step to
 /// step: μ(p) is convex, so that the mean of μ is above μ of the mean. pressure: Pa, volume: m^d,
 /// #nodes each.
@@ -163,9 +163,7 @@ double mean_pressure(const Grid<Dim>& grid, int node, const Array<double>& press
   double sum = 0, volumes = 0;
   for (int k = 0; k < Grid<Dim>::neighbours; ++k) {
     const int neighbour = node + grid.neighbour_offset(k);
-    double part = volume[neighbour]; // 0 without a cone
-    for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
-      part *= rest % 3 == 1 ? 2 : 1;
+    const double part = Grid<Dim>::neighbour_weight(k) * volume[neighbour]; // 0 without a cone
     sum += part * pressure[neighbour];
     volumes += part;
   }

@@ -76,15 +76,13 @@ struct Room {
     double sum = 0, weights = 0;
     for (int k = 0; k < Grid<Dim>::neighbours; ++k) { // ghosts are never inside
       const int neighbour = j + problem.grid.neighbour_offset(k);
-      double other = work.excess[neighbour], weight = 1; // 1, 2, 1 along each axis
+      double other = work.excess[neighbour], weight = Grid<Dim>::neighbour_weight(k);
       if (beside && !(other < not_inside)) {
         other = work.excess_beside[neighbour];
-        weight = fields.open_fraction[neighbour];
+        weight *= fields.open_fraction[neighbour];
       }
       if (!(other < not_inside))
         continue;
-      for (int rest = k, a = 0; a < Dim; ++a, rest /= 3)
-        weight *= rest % 3 == 1 ? 2 : 1;
       sum += weight * other;
       weights += weight;
     }
