@@ -228,8 +228,9 @@ class Simulation {
                           {state_.body_contacts, ratio}, problem_);
     apply_impulses(problem_, stencil_, execution_);
     if constexpr (Viscous<RheologyT>)
-      report.viscous = viscous_solver_.solve(problem_, fields_.stress_volume, rheology_.viscosity(),
-                                             params_.viscous, state_.time_step, execution_);
+      report.viscous = viscous_solver_.solve(problem_, fields_.stress_volume, fields_.open_fraction,
+                                             rheology_.viscosity(), params_.viscous,
+                                             state_.time_step, execution_);
     add_cohesion_shift(rheology_, problem_, state_.time_step, fields_.volume_by_material.data());
     before_solve(std::as_const(problem_));
     const auto t2 = Clock::now();

@@ -36,13 +36,26 @@ struct ViscousParams {
   }
 };
 
+/// By how much more than its volume the viscous stress of a node in a solid must count, of which
+/// the share `open` < 1/2 is outside. Only the part a = sqrt(2 open) of the cell between it and the
+/// next node holds material, which is at rest at the surface, a h from that node, not at the
+/// solid's node, h from it. It resists that node's velocity u with η u/(a h). Without the weight f
+/// it would with (f a²/2 + a − a²/2) η u/h, the parts of both nodes.
+inline double strip_weight(double open) {
+  if (!(open < 0.5))
+    return 1;
+  const double a = std::sqrt(2 * open), lower = a * a / 2;
+  return (1 / a - (a - lower)) / lower;
+}
+
 /// Takes the viscous stress 2 η D implicitly: from the velocities u of a problem, all other
 /// impulses included, to u' with
 /// \f[ (M + δt\, K)\, u' = M u, \quad
-///     (K u')_j = \sum_i \frac{2 η}{V_i} \,\mathrm{sym}\Bigl( \sum_k u'_k ⊗ g_{ik} \Bigr) g_{ij},
-///     \f]
-/// The solver of the dual problem goes on from u'. As u contains the stresses of the last step, a
-/// steady flow is one of viscous and plastic stresses together, without an error of splitting.
+///     (K u')_j = \sum_i \frac{2 η f_i}{V_i} \,\mathrm{sym}\Bigl( \sum_k u'_k ⊗ g_{ik} \Bigr)
+///     g_{ij}, \f]
+/// f_i: 1, or strip_weight. The solver of the dual problem goes on from u'. As u contains the
+/// stresses of the last step, a steady flow is one of viscous and plastic stresses together,
+/// without an error of splitting.
 ///
 /// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
 /// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that
@@ -52,18 +65,24 @@ struct ViscousParams {
 template <int Dim>
 class ViscousSolver {
  public:
-  /// stress_volume: V_i, that stress acts on, #nodes, m^d; eta: η, Pa s; time_step: δt, s.
-  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& stress_volume, double eta,
-                      const ViscousParams& params, double time_step, const Execution& execution) {
+  /// stress_volume: V_i, that stress acts on, #nodes, m^d; open_fraction: of a node's volume, what
+  /// no solid takes, #nodes; eta: η, Pa s; time_step: δt, s.
+  ViscousReport solve(DualProblem<Dim>& problem, const Array<double>& stress_volume,
+                      const Array<double>& open_fraction, double eta, const ViscousParams& params,
+                      double time_step, const Execution& execution) {
     ViscousReport report;
     if (eta == 0)
       return report;
-    const double factor = 2 * eta * time_step;
-    start(problem, stress_volume, factor, execution);
+    weight_.resize(problem.cones());
+    execution.for_each(std::ssize(weight_), [&](std::ptrdiff_t i) {
+      const int node = problem.node[i];
+      weight_[i] = 2 * eta * time_step * strip_weight(open_fraction[node]) / stress_volume[node];
+    });
+    start(problem, execution);
     Array<Padded>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
-    multiply(problem, stress_volume, factor, u, execution);
+    multiply(problem, u, execution);
     Sums sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
       residual_[j] = -free(product_[j], inverse_mass);
       direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
@@ -82,7 +101,7 @@ class ViscousSolver {
         report.status = SolveStatus::not_converged;
       if (report.status != SolveStatus::not_converged || report.iterations == params.max_iterations)
         break;
-      multiply(problem, stress_volume, factor, direction_, execution);
+      multiply(problem, direction_, execution);
       const double energy = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
                               product_[j] = free(product_[j], inverse_mass) +
                                             direction_[j].cwiseProduct(mass(inverse_mass));
@@ -100,7 +119,7 @@ class ViscousSolver {
         direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
       });
     }
-    multiply(problem, stress_volume, factor, u, execution);
+    multiply(problem, u, execution);
     for_each(problem, execution,
              [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     problem.copies.copy(u, execution);
@@ -166,8 +185,7 @@ class ViscousSolver {
   }
 
   /// The inverse of the diagonal of M + δt K; sizes the workspace.
-  void start(const DualProblem<Dim>& problem, const Array<double>& stress_volume, double factor,
-             const Execution& execution) {
+  void start(const DualProblem<Dim>& problem, const Execution& execution) {
     const std::size_t nodes = problem.velocity.size();
     stencil_ = Stencil<Dim>(problem.grid);
     product_.resize(nodes);
@@ -176,13 +194,12 @@ class ViscousSolver {
     inverse_diagonal_.assign(nodes, Padded::Zero());
     for_each_cone(problem, execution, inverse_diagonal_, [&](std::size_t i) {
       const int node = problem.node[i];
-      const double weight = factor / stress_volume[node];
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k) {
           // e_a · sym(e_a ⊗ g) g = (|g|² + g_a²)/2
           const Vec<Dim> g = problem.gradient_weights[i].col(3 * r + k);
           inverse_diagonal_[node + stencil_.row(r) + k].template head<Dim>().array() +=
-              weight / 2 * (g.squaredNorm() + g.array().square());
+              weight_[i] / 2 * (g.squaredNorm() + g.array().square());
         }
       share(problem, i, inverse_diagonal_);
     });
@@ -194,8 +211,7 @@ class ViscousSolver {
   }
 
   /// product_ = δt K v.
-  void multiply(const DualProblem<Dim>& problem, const Array<double>& stress_volume, double factor,
-                Array<Padded>& v, const Execution& execution) {
+  void multiply(const DualProblem<Dim>& problem, Array<Padded>& v, const Execution& execution) {
     problem.copies.copy(v, execution);
     execution.for_ranges(std::ssize(product_), [&](std::ptrdiff_t begin, std::ptrdiff_t end) {
       std::fill(product_.begin() + begin, product_.begin() + end, Padded::Zero());
@@ -205,7 +221,7 @@ class ViscousSolver {
       const GradientWeights<Dim>& g = problem.gradient_weights[i];
       const auto gradient = gather_gradient<Dim>(v.data() + node, stencil_, g);
       const Mat<Dim> square = gradient.template topRows<Dim>();
-      const Mat<Dim> stress = factor / (2 * stress_volume[node]) * (square + square.transpose());
+      const Mat<Dim> stress = weight_[i] / 2 * (square + square.transpose());
       Padded* force = product_.data() + node;
       for (int r = 0; r < Stencil<Dim>::rows; ++r)
         for (int k = 0; k < 3; ++k)
@@ -226,6 +242,7 @@ class ViscousSolver {
 
   Stencil<Dim> stencil_;
   Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
+  Array<double> weight_;                                            ///< 2 η δt f_i/V_i, #cones
   Array<double> partials_;
 };
 
