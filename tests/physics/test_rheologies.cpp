@@ -315,7 +315,7 @@ TEST_CASE("a viscous layer on a rough slope: u = rho g sin(theta) (H z − z²/2
 }
 
 TEST_CASE("a viscous layer on a rough plane between two rows of nodes flows as on a face") {
-  // before the part of the cell that holds material counted: 1.14, 1.31 and 1.64
+  // without strip_weight 1.19, 1.34 and 1.92 times as fast between 0.25 and 0.45 cells
   for (const double above : {0.25, 0.35, 0.45, 0.75}) {
     CAPTURE(above);
     const double h = 0.0125, height = 8 * h, eta = density * std::sqrt(g * height) * height;
