@@ -192,6 +192,69 @@ void shear_wave() {
   CHECK(std::log(square / product) == support::about(rate * sim.time(), 0.03));
 }
 
+/// A layer of a stiff liquid, 5 cells high, that moves at 0.1 m/s along a wall of friction 10: a
+/// face, or a plane on a row of nodes. Its mean speed along the wall after each step, m/s.
+template <int Dim>
+std::vector<double> speeds_along_wall(bool face) {
+  constexpr int up = up_axis<Dim>;
+  Index<Dim> cells;
+  for (int a = 0; a < Dim; ++a)
+    cells[a] = a == up ? 9 : 3;
+  auto params = box<Dim>(0.01, cells, 0);
+  params.gravity[up] = -g;
+  params.rheology.viscosity = 1e6;
+  for (int a = 0; a < Dim; ++a)
+    if (a != up)
+      params.faces.lower[a] = params.faces.upper[a] = {FaceKind::periodic};
+  Vec<Dim> lower = Vec<Dim>::Zero(), upper = params.grid.size;
+  if (face) {
+    params.faces.lower[up] = {FaceKind::frictional, 10};
+  } else {
+    lower[up] = 0.02;
+    params.obstacles = {make_obstacle<ShapeObstacle<Dim>>(
+        {.shape = shapes::HalfSpace<Dim>(lower, Vec<Dim>::Unit(up)), .friction = 10})};
+  }
+  upper[up] = lower[up] + 0.05;
+  auto particles = block<Dim>(params, lower, upper);
+  for (Vec<Dim>& v : particles.velocity)
+    v[0] = 0.1;
+  Sim<Dim> sim(params, particles);
+  std::vector<double> speeds;
+  for (int n = 0; n < 20; ++n) {
+    CHECK(sim.step().completed());
+    speeds.push_back(mean_velocity(sim.particles())[0]);
+  }
+  return speeds;
+}
+
+/// A stiff blob falls, turned by `tilt` (rad) with all else, on a plane of friction mu. The largest
+/// speed away from the plane after the impact, over that of the impact.
+double rebound(double mu, double tilt) {
+  const Vec<2> normal(-std::sin(tilt), std::cos(tilt));
+  auto params = box<2>(0.01, {24, 24}, 0.3);
+  params.gravity = -g * normal;
+  params.rheology.viscosity = 1e4;
+  params.solver.max_sweeps = 300;
+  const Vec<2> below(0.12, 0.04);
+  params.obstacles = {make_obstacle<ShapeObstacle<2>>(
+      {.shape = shapes::HalfSpace<2>(below, normal), .friction = mu})};
+  Particles<2> particles;
+  fill(particles, Grid<2>(params.grid), shapes::Ball<2>(below + 0.06 * normal, 0.04),
+       {.per_axis = 2, .jitter = 0});
+  for (Vec<2>& v : particles.velocity)
+    v = -0.5 * normal;
+  Sim<2> sim(params, particles);
+  double lowest = 0, away = 0;
+  while (sim.time() < 0.15) {
+    CHECK(sim.step().completed());
+    const double speed = mean_velocity(sim.particles()).dot(normal);
+    lowest = std::min(lowest, speed);
+    away = std::max(away, speed);
+  }
+  CHECK(lowest < -0.5);
+  return away / -lowest;
+}
+
 } // namespace
 
 TEST_CASE("a cohesive cut stands up to about its critical height and falls above it") {
@@ -360,6 +423,27 @@ TEST_CASE("a liquid that is stiff against its masses creeps as slowly as its vis
 TEST_CASE("a shear wave decays by viscosity and keeps its momentum") {
   shear_wave<2>();
   shear_wave<3>();
+}
+
+TEST_CASE("what is viscous stops at a wall of friction as at one that sticks") {
+  // it stops within rho H^2/eta, 4 µs
+  const auto check = [](const std::vector<double>& speeds) {
+    for (std::size_t n = 4; n < speeds.size(); ++n)
+      CHECK(std::abs(speeds[n]) < 1e-4 * 0.1);
+  };
+  check(speeds_along_wall<2>(true));
+  check(speeds_along_wall<2>(false));
+  check(speeds_along_wall<3>(true));
+  check(speeds_along_wall<3>(false));
+}
+
+TEST_CASE("what is viscous does not rebound from a wall, whatever the friction") {
+  for (const double mu : {0.0, 0.3, 10.0})
+    for (const double tilt : {0.0, 0.3}) {
+      CAPTURE(mu);
+      CAPTURE(tilt);
+      CHECK(rebound(mu, tilt) < 0.01);
+    }
 }
 
 TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {

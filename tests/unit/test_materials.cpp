@@ -359,6 +359,49 @@ TEST_CASE("a law that gives no friction is refused by the step, of one material 
   check(Two(two, sand));
 }
 
+TEST_CASE("a law that sees the flow has cohesion as any other, of one material and of several") {
+  using F = std::function<double(const FlowState<2>&)>;
+  using Plain = WithCohesion<ConstantFriction>;
+  using Seeing = WithCohesion<LocalFriction<F>>;
+  const auto run = []<class Law>(const typename Law::Params& rheology, double density) {
+    using S = Simulation<2, Law, PolyPic, GaussSeidel<>>;
+    auto params = scenes::box_for<S>({0.2, 0, 0.1}, {20, 0, 10}, 0);
+    params.material.density = density;
+    params.rheology = rheology;
+    S sim(params, scenes::block<2>(params.grid, 0, 0.08, 0, 0.08));
+    StepReport report;
+    for (int n = 0; n < 20; ++n)
+      report = sim.step();
+    return std::pair(report, state_checksum(sim.particles()));
+  };
+  const auto plain = [&](double cohesion) {
+    return run.operator()<Plain>({.law = {.mu = 0.4}, .cohesion = cohesion}, 1500);
+  };
+  const auto one = [&](const F& law) {
+    return run.operator()<Seeing>({.law = {.law = law}, .cohesion = 100}, 1500);
+  };
+  const auto several = [&](const F& law) {
+    return run.operator()<Materials<Seeing>>(
+        {.list = {{.density = 1500, .law = {.law = {.law = law}, .cohesion = 100}}}}, 0);
+  };
+  const F constant = [](const FlowState<2>&) { return 0.4; };
+  const auto expected = plain(100);
+  CHECK(expected.first.completed());
+  CHECK(plain(0).second != expected.second);
+  CHECK(one(constant).second == expected.second);
+  CHECK(several(constant).second ==
+        run.operator()<Materials<Plain>>(
+               {.list = {{.density = 1500, .law = {.law = {.mu = 0.4}, .cohesion = 100}}}}, 0)
+            .second);
+  // no friction, no apex: the step tells, since only it asks the law
+  const F none = [](const FlowState<2>& at) { return at.position[0] < 0.04 ? 0.4 : 0; };
+  for (const StepReport& refused : {one(none).first, several(none).first}) {
+    CHECK(!refused.completed());
+    CHECK(refused.invalid_friction > 0);
+    CHECK(contains(std::string(refused.why()), "> 0 where there is cohesion"));
+  }
+}
+
 TEST_CASE("wrong materials are refused, by name and value") {
   using S = Mixed<2>;
   const auto good = [] {

@@ -25,18 +25,20 @@ concept Cohesive = Rheology<R> && requires(const R r) {
 template <class Law>
 class WithCohesion : public Law {
   static_assert(Rheology<Law>);
+  static_assert(!OfMaterials<Law>, "cohesion by material: Materials<WithCohesion<Law>>");
 
  public:
   using Params = ParamsOf<WithCohesion>;
 
   /// Throws std::invalid_argument if a parameter is out of range, or if there is cohesion but no
-  /// friction: that cone has no apex.
+  /// friction: that cone has no apex. If the law sees more than I, the step tells that.
   explicit WithCohesion(const Params& params)
       : Law(params_of_law<Law>(params)), cohesion_(params.cohesion) {
     require_given_non_negative("rheology.cohesion", cohesion_);
-    for (const double I : {0.0, std::numeric_limits<double>::infinity()})
-      if (cohesion_ > 0 && !(this->friction(I) > 0))
-        throw_invalid("rheology.cohesion", cohesion_, "0 where there is no friction");
+    if constexpr (!sees_more<Law>)
+      for (const double I : {0.0, std::numeric_limits<double>::infinity()})
+        if (cohesion_ > 0 && !(this->friction(I) > 0))
+          throw_invalid("rheology.cohesion", cohesion_, "0 where there is no friction");
   }
 
   double cohesion() const { return cohesion_; }

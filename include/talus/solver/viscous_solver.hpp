@@ -57,6 +57,11 @@ inline double strip_weight(double open) {
 /// stresses of the last step, a steady flow is one of viscous and plastic stresses together,
 /// without an error of splitting.
 ///
+/// Contacts that bore something in the last step hold their nodes, which move with the wall where
+/// they stuck and along it where they slid, and take up what that costs, so that a wall stops all
+/// that hangs together at once. A node has one such contact at most. The dual problem then lets go
+/// what Coulomb's law does not bear.
+///
 /// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
 /// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that
 /// it leaves out, sqrt(Σ r²/m / Σ m), over the problem's velocity scale, or over those of the first
@@ -78,14 +83,15 @@ class ViscousSolver {
       const int node = problem.node[i];
       weight_[i] = 2 * eta * time_step * strip_weight(open_fraction[node]) / stress_volume[node];
     });
+    hold(problem);
     start(problem, execution);
     Array<Padded>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
     multiply(problem, u, execution);
     Sums sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
-      residual_[j] = -free(product_[j], inverse_mass);
-      direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]);
+      residual_[j] = -free(problem, j, product_[j]);
+      direction_[j] = preconditioned(problem, j);
       return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
                   inverse_mass.maxCoeff() > 0 ? 1 / inverse_mass.maxCoeff() : 0};
     });
@@ -103,7 +109,7 @@ class ViscousSolver {
         break;
       multiply(problem, direction_, execution);
       const double energy = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
-                              product_[j] = free(product_[j], inverse_mass) +
+                              product_[j] = free(problem, j, product_[j]) +
                                             direction_[j].cwiseProduct(mass(inverse_mass));
                               return Sums{direction_[j].dot(product_[j]), 0, 0};
                             }).product;
@@ -111,18 +117,23 @@ class ViscousSolver {
       sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
         u[j] += step * direction_[j];
         residual_[j] -= step * product_[j];
-        const Padded z = residual_[j].cwiseProduct(inverse_diagonal_[j]);
-        return Sums{residual_[j].dot(z), squared_velocity(residual_[j], inverse_mass), 0};
+        return Sums{residual_[j].dot(preconditioned(problem, j)),
+                    squared_velocity(residual_[j], inverse_mass), 0};
       });
       const double keep = sums.product / last;
-      for_each(problem, execution, [&](int j) {
-        direction_[j] = residual_[j].cwiseProduct(inverse_diagonal_[j]) + keep * direction_[j];
-      });
+      for_each(problem, execution,
+               [&](int j) { direction_[j] = preconditioned(problem, j) + keep * direction_[j]; });
     }
     multiply(problem, u, execution);
     for_each(problem, execution,
              [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
     problem.copies.copy(u, execution);
+    for (const Held& held : held_) { // what it keeps from the viscous stress
+      const Vec<Dim> kept = product_[held.node].template head<Dim>();
+      Contact<Dim>& contact = problem.contacts[held.contact];
+      contact.impulse +=
+          held.sticks ? without_faces(problem, held.node, kept) : along(held, kept, contact.normal);
+    }
     return report;
   }
 
@@ -143,9 +154,81 @@ class ViscousSolver {
     double mass = 0;     ///< Σ m
   };
 
-  /// Only the components that may change.
-  static Padded free(const Padded& value, const Padded& inverse_mass) {
-    return (inverse_mass.array() > 0).select(value, Padded::Zero());
+  /// A node that a contact holds.
+  struct Held {
+    int node = 0;
+    std::size_t contact = 0;
+    bool sticks = false;
+    Vec<Dim> normal; ///< of the contact, without the components that faces hold
+  };
+
+  /// Finds the nodes that contacts hold and takes them along with the wall.
+  void hold(DualProblem<Dim>& problem) {
+    held_.clear();
+    held_at_.assign(problem.velocity.size(), -1);
+    for (std::size_t c = 0; c < problem.contacts.size(); ++c) {
+      const Contact<Dim>& contact = problem.contacts[c];
+      const double pressed = contact.impulse.dot(contact.normal);
+      if (!(pressed > 0))
+        continue;
+      // one that slides is at its bound but for rounding
+      const Vec<Dim> along_wall = contact.impulse - pressed * contact.normal;
+      Held held{contact.node, c, along_wall.norm() < (1 - 1e-9) * contact.friction * pressed, {}};
+      held.normal = without_faces(problem, contact.node, contact.normal);
+      if (held.normal.squaredNorm() < 0.5) // faces hold it rather than the contact
+        continue;
+      int& at = held_at_[contact.node];
+      if (at < 0) {
+        at = static_cast<int>(held_.size());
+        held_.push_back(held);
+      } else if (held.sticks && !held_[at].sticks) {
+        held_[at] = held;
+      }
+    }
+    for (const Held& held : held_) {
+      Contact<Dim>& contact = problem.contacts[held.contact];
+      const Padded& inverse_mass = problem.inverse_mass[held.node];
+      const Vec<Dim> slip =
+          contact.wall_velocity - problem.velocity[held.node].template head<Dim>();
+      Padded change = Padded::Zero();
+      if (held.sticks)
+        change.template head<Dim>() = without_faces(problem, held.node, slip);
+      else
+        change.template head<Dim>() =
+            slip.dot(contact.normal) / held.normal.squaredNorm() * held.normal;
+      problem.velocity[held.node] += change;
+      const Vec<Dim> momentum = change.cwiseProduct(mass(inverse_mass)).template head<Dim>();
+      contact.impulse += held.sticks ? momentum : along(held, momentum, contact.normal);
+    }
+  }
+
+  /// Only what may change of a node's vector.
+  Padded free(const DualProblem<Dim>& problem, int j, const Padded& value) const {
+    Padded part = (problem.inverse_mass[j].array() > 0).select(value, Padded::Zero());
+    if (held_at_[j] < 0)
+      return part;
+    const Held& held = held_[held_at_[j]];
+    if (held.sticks)
+      return Padded::Zero();
+    const double normal = part.template head<Dim>().dot(held.normal) / held.normal.squaredNorm();
+    part.template head<Dim>() -= normal * held.normal;
+    return part;
+  }
+  /// z = D⁻¹ r of what may change.
+  Padded preconditioned(const DualProblem<Dim>& problem, int j) const {
+    return free(problem, j, residual_[j].cwiseProduct(inverse_diagonal_[j]));
+  }
+  /// The components that no face holds.
+  static Vec<Dim> without_faces(const DualProblem<Dim>& problem, int j, const Vec<Dim>& value) {
+    Vec<Dim> part;
+    for (int a = 0; a < Dim; ++a)
+      part[a] = problem.inverse_mass[j][a] > 0 ? value[a] : 0;
+    return part;
+  }
+  /// The impulse of a contact without friction that has this part of an impulse along the free
+  /// components of its normal.
+  static Vec<Dim> along(const Held& held, const Vec<Dim>& impulse, const Vec<Dim>& normal) {
+    return impulse.dot(held.normal) / held.normal.squaredNorm() * normal;
   }
   static Padded mass(const Padded& inverse_mass) {
     return (inverse_mass.array() > 0).select(inverse_mass.cwiseInverse(), Padded::Zero());
@@ -205,8 +288,8 @@ class ViscousSolver {
     });
     for_each(problem, execution, [&](int j) {
       const Padded& inverse_mass = problem.inverse_mass[j];
-      inverse_diagonal_[j] =
-          free((inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse(), inverse_mass);
+      const Padded inverse = (inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse();
+      inverse_diagonal_[j] = (inverse_mass.array() > 0).select(inverse, Padded::Zero());
     });
   }
 
@@ -241,6 +324,8 @@ class ViscousSolver {
   }
 
   Stencil<Dim> stencil_;
+  Array<Held> held_;
+  Array<int> held_at_; ///< index into held_ or −1, #nodes
   Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
   Array<double> weight_;                                            ///< 2 η δt f_i/V_i, #cones
   Array<double> partials_;
