@@ -166,6 +166,71 @@ TEST_CASE("a smooth wall that is pushed into sand or gives way bears Rankine's p
   }
 }
 
+namespace {
+
+/// Friction over normal force of a slab that slides along a channel on a floor which is as wide as
+/// the box, or `beyond` (m) wider on either side.
+double friction_in_a_channel(double beyond) {
+  auto params = scenes::box<3>({0.8, 0.08, 0.12}, {40, 4, 6}, 30, 0.8);
+  add_obstacle<3>(params, shapes::Box<3>(Vec<3>(-1, -beyond, -1), Vec<3>(2, 0.08 + beyond, 0.04)),
+                  0.3);
+  scenes::Sim<3> sim(params, scenes::block<3>(params.grid, 0.1, 0.3, 0.04, 0.08));
+  Vec<3> force = Vec<3>::Zero();
+  while (sim.time() < 0.1) {
+    CHECK(sim.step().solve.status == SolveStatus::converged);
+    if (sim.time() > 0.02)
+      force += sim.obstacle_wrench(0).force;
+  }
+  return force[0] / -force[2];
+}
+
+} // namespace
+
+TEST_CASE("what ends at faces of the box holds as what goes on beyond them") {
+  CHECK(friction_in_a_channel(1) == support::about(0.3, 0.01));
+  CHECK(friction_in_a_channel(0) == support::about(0.3, 0.01));
+  constexpr double h = 0.02;
+  for (const double floor : {2 * h, 2.4 * h}) { // on a row of nodes and between two
+    CAPTURE(floor);
+    auto params = scenes::box<2>({20 * h, 0, 15 * h}, {20, 1, 15}, 0, 0);
+    params.packing.even = true;
+    add_obstacle<2>(params, shapes::Box<2>(Vec<2>::Zero(), Vec<2>(20 * h, floor)), 0.2);
+    scenes::Sim<2> liquid(params, scenes::block<2>(params.grid, 0, 20 * h, floor, floor + 10 * h));
+    double impulse = 0, start = 0;
+    while (liquid.time() < 0.2) {
+      REQUIRE(liquid.step().completed());
+      if (liquid.time() < 0.1)
+        start = liquid.time();
+      else
+        impulse -= liquid.obstacle_wrench(0).force[1] * liquid.time_step();
+    }
+    CHECK(impulse / (liquid.time() - start) == support::about(weight(liquid), 0.01));
+    for (const auto& x : liquid.particles().position)
+      CHECK(x[1] > floor - 0.1 * h);
+  }
+}
+
+TEST_CASE("a block on the floor is pushed sideways alone by what it stands in") {
+  constexpr double h = 0.02;
+  for (const double place : {10 * h, 10.4 * h}) {
+    auto params = scenes::box<2>({20 * h, 0, 15 * h}, {20, 1, 15}, 0, 0);
+    params.faces.lower[1].kind = FaceKind::free_slip;
+    params.bodies = {block_body<2>(Vec<2>(place, 2 * h), Vec<2>(6 * h, 4 * h), 5000, 0)};
+    const shapes::Box<2> block(Vec<2>(place - 3 * h, 0), Vec<2>(place + 3 * h, 4 * h));
+    scenes::Sim<2> sim(params, sand_where<2>(params.grid, [&](const Vec<2>& x) {
+                         return x[1] < 10 * h && block.distance(x) > 0;
+                       }));
+    REQUIRE(sim.step().completed());
+    int on_floor = 0;
+    for (const auto& contact : sim.problem().body_contacts)
+      if (contact.node >= 0 && sim.grid().node_index(contact.node)[1] == 0) {
+        ++on_floor;
+        CHECK(std::abs(contact.normal[1]) < 1e-3);
+      }
+    CHECK(on_floor >= 2);
+  }
+}
+
 TEST_CASE("a thin inclined plate holds sand, wherever it lies between nodes") {
   for (const double thickness : {0.0, 0.01, 0.1})
     for (const double shift : {0.0, 0.007, 0.013}) {

@@ -3,6 +3,7 @@
 
 #include "talus/boundary/body.hpp"
 #include "talus/boundary/faces.hpp"
+#include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/boundary/signed_distance.hpp"
 #include "talus/core/array.hpp"
@@ -21,6 +22,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <string>
 
 /// \file
@@ -47,7 +49,12 @@ void collect_touched_nodes(const Boundaries<Dim>& bounds, SolidsAtCones<Dim>& so
     contact.friction = bounds.bodies[b].friction;
     contact.node = node;
     contact.place = order.place(index);
-    contact.normal = solids.in_body(bounds, b, x).normal;
+    contact.normal =
+        solids.normal_in_box(bounds, bounds.obstacles.size() + b, index,
+                             solids.in_body(bounds, b, x).normal, [&](const Vec<Dim>& inside) {
+                               const NodeInSolid<Dim> there = solids.in_body(bounds, b, inside);
+                               return there.contact ? std::optional(there.normal) : std::nullopt;
+                             });
     contact.arm = minus<Dim>(x, bounds.body_states[b].position);
     problem.body_contacts.push_back(contact);
   }

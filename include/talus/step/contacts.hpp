@@ -15,6 +15,7 @@
 #include <compare>
 #include <cstddef>
 #include <iterator>
+#include <optional>
 #include <string>
 
 /// \file
@@ -135,7 +136,8 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
         add(contact);
       });
       for_each_holding_obstacle(bounds, solids, problem, i, [&](std::size_t o) {
-        const Vec<Dim> x = bounds.grid.node_position(contact.node);
+        const Index<Dim> index = bounds.grid.node_index(contact.node);
+        const Vec<Dim> x = bounds.grid.node_position(index);
         const auto held = solids.at_obstacle(bounds, o, x).contact;
         if (!held)
           throw_invalid("obstacle " + std::to_string(o) + " at " + place_text<Dim>(x) +
@@ -143,7 +145,13 @@ void collect_contacts(const Boundaries<Dim>& bounds, const SolidsAtCones<Dim>& s
                         1, "0: the same answer for the same arguments");
         check_contact(o, x, *held);
         contact.boundary_id = bounds.obstacle_id(o);
-        contact.normal = held->normal;
+        contact.normal =
+            solids.normal_in_box(bounds, o, index, held->normal, [&](const Vec<Dim>& inside) {
+              const auto there = solids.at_obstacle(bounds, o, inside).contact;
+              if (there)
+                check_contact(o, inside, *there);
+              return there ? std::optional(there->normal) : std::nullopt;
+            });
         contact.wall_velocity = held->velocity;
         contact.friction = held->friction;
         add(contact);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "talus/boundary/body.hpp"
+#include "talus/boundary/faces.hpp"
 #include "talus/boundary/node_in_solid.hpp"
 #include "talus/boundary/obstacle.hpp"
 #include "talus/boundary/signed_distance.hpp"
@@ -15,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 
 namespace talus {
@@ -177,6 +179,38 @@ class SolidsAtCones {
     return Posed<Dim>{bounds.bodies[solid - obstacles].shape, frame_[solid]}.distance(x);
   }
   const RigidState<Dim>& frame(std::size_t solid) const { return frame_[solid]; }
+
+  /// The normal of a solid at a node that it holds. On a face that is not open, a solid that ends
+  /// there has an edge, or the end that it turns to the face: where its normal turns to the face by
+  /// more than 30°, it is that of the next node inside, if that one does not turn to it. Else
+  /// material would sink in along the face. normal: at the node itself; normal_at(x in m) →
+  /// optional, elsewhere where it holds.
+  template <class NormalAt>
+  Vec<Dim> normal_in_box(const Boundaries<Dim>& bounds, std::size_t solid, const Index<Dim>& index,
+                         const Vec<Dim>& normal, const NormalAt& normal_at) const {
+    constexpr double steep = 0.5, little = 0.01; // of a unit vector; of a cell's edge, too
+    const Grid<Dim>& grid = bounds.grid;
+    const Vec<Dim> x = grid.node_position(index);
+    Vec<Dim> into_box = Vec<Dim>::Zero(), next = x;
+    for_each_face(grid, bounds.faces, index, [&](int axis, bool upper, const Face& face) {
+      const double way = upper ? -1 : 1;
+      if (face.kind == FaceKind::open || face.kind == FaceKind::periodic ||
+          way * normal[axis] > -steep)
+        return;
+      into_box[axis] = way;
+      next[axis] += way * grid.spacing()[axis];
+    });
+    if (into_box.isZero(0) ||
+        distance(bounds, solid, x) > little * grid.spacing().minCoeff()) // a gap before the face
+      return normal;
+    const std::optional<Vec<Dim>> inside = normal_at(next);
+    if (!inside)
+      return normal;
+    for (int a = 0; a < Dim; ++a)
+      if (into_box[a] * (*inside)[a] < -little)
+        return normal;
+    return *inside;
+  }
 
   /// Calls visit(obstacle) for those that hold the node of a cone, by their number.
   template <class Visit>
