@@ -6,6 +6,7 @@
 #include "../support/materials.hpp"
 
 #include "talus/boundary/body.hpp"
+#include "talus/boundary/shape_obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
 #include "talus/rheology/viscosity.hpp"
 #include "talus/scene/source.hpp"
@@ -90,8 +91,8 @@ Scene<Sim<Dim>> fountain() {
   return scene;
 }
 
-/// A rate-dependent, slightly viscous flow down an endless slope: periodic along it and, in 3-D,
-/// across; friction from the solution of the step itself, and even packing.
+/// A rate-dependent, slightly viscous flow down an endless slope with a hump: periodic along it
+/// and, in 3-D, across; friction from the solution of the step itself, and even packing.
 template <int Dim>
 using Chute = Simulation<Dim, WithViscosity<MuOfI>, PolyPic, GaussSeidel<>>;
 template <int Dim>
@@ -106,6 +107,12 @@ Scene<Chute<Dim>> chute() {
   params.faces = plain.faces;
   for (int a = 0; a < up_axis<Dim>; ++a)
     params.faces.lower[a].kind = params.faces.upper[a].kind = FaceKind::periodic;
+  params.faces.lower[up_axis<Dim>] = {FaceKind::frictional, 0.6};
+  Vec<Dim> hump = Vec<Dim>::Constant(0.06);
+  hump[0] = 0.1;
+  hump[up_axis<Dim>] = 0;
+  params.obstacles = {
+      make_obstacle<ShapeObstacle<Dim>>({.shape = shapes::Ball<Dim>(hump, 0.03), .friction = 0.3})};
   params.rheology.law = {.mu_static = 0.38, .mu_limit = 0.64, .I_0 = 0.28};
   params.rheology.inertial = {.grain_diameter = 2e-3, .density = 2500, .strain_factor = 2};
   params.rheology.viscosity = 2;
