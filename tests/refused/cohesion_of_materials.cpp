@@ -6,4 +6,3 @@
 
 using Law = talus::WithCohesion<talus::Materials<talus::ConstantFriction>>;
 talus::Simulation<2, Law, talus::Apic, talus::GaussSeidel<>>* simulation;
-Law law(Law::Params{});
