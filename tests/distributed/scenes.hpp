@@ -126,6 +126,27 @@ Scene<Chute<Dim>> chute() {
   return scene;
 }
 
+/// Two balls fall on a viscous block in a box of friction, one of them beside a wall.
+template <int Dim>
+Scene<Chute<Dim>> viscous_impact() {
+  Scene<Chute<Dim>> scene = chute<Dim>();
+  auto& params = scene.params;
+  params.faces = box<Dim>({0.2, 0.12, 0.12}, {20, 6, 12}, 0, 0.4).faces;
+  params.faces.lower[0] = {FaceKind::frictional, 0.3};
+  params.rheology.viscosity = 100;
+  for (const double x : {0.04, 0.11}) {
+    Vec<Dim> centre = Vec<Dim>::Constant(0.06);
+    centre[0] = x;
+    centre[up_axis<Dim>] = 0.09;
+    auto ball = ball_body<Dim>(centre, 0.03, 3000, 0.3);
+    ball.start.velocity[up_axis<Dim>] = -1;
+    ball.start.angular_velocity[0] = 5;
+    params.bodies.push_back(ball);
+  }
+  scene.particles = block<Dim>(params.grid, 0, 0.2, 0, 0.06, 0.8);
+  return scene;
+}
+
 /// Two materials with cohesion, of which one comes in, too.
 template <int Dim>
 Scene<Mixed<Dim, WithCohesion<MuOfI>>> materials() {

@@ -191,6 +191,12 @@ TEST_CASE("ranks: an endless chute, 2-D") {
 TEST_CASE("ranks: an endless chute, 3-D") {
   check_scene(scenes::chute<3>(), steps_for_ranks(30));
 }
+TEST_CASE("ranks: bodies fall on what is viscous, 2-D") {
+  check_scene(scenes::viscous_impact<2>(), steps_for_ranks(60));
+}
+TEST_CASE("ranks: bodies fall on what is viscous, 3-D") {
+  check_scene(scenes::viscous_impact<3>(), steps_for_ranks(20));
+}
 
 TEST_CASE("ranks: interior points, alone and after sweeps that miss") {
   auto block = scenes::sliding_block<3>();

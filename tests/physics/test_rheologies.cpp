@@ -4,6 +4,7 @@
 #include "../support/about.hpp"
 #include "scenes.hpp"
 
+#include "talus/boundary/body.hpp"
 #include "talus/boundary/shape_obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
 #include "talus/diagnostics/checksum.hpp"
@@ -255,6 +256,86 @@ double rebound(double mu, double tilt) {
   return away / -lowest;
 }
 
+/// A ball falls on the middle of a viscous block, or beside it and askew: the highest speed upwards
+/// over that of the impact. Momentum, also that of the ball alone, is what gravity and the floor
+/// give.
+template <int Dim>
+double bounce(double viscosity, double mu_ball, bool askew = false) {
+  const int up = up_axis<Dim>;
+  Index<Dim> cells;
+  for (int a = 0; a < Dim; ++a)
+    cells[a] = 12;
+  auto params = box<Dim>(0.02, cells, 0.3);
+  params.gravity[up] = -g;
+  params.rheology.viscosity = viscosity;
+  params.faces.lower[up] = {FaceKind::frictional, 0.5};
+  Vec<Dim> centre = Vec<Dim>::Constant(askew ? 0.11 : 0.12), lower = Vec<Dim>::Constant(0.04),
+           upper = Vec<Dim>::Constant(0.2);
+  centre[up] = 0.115;
+  lower[up] = 0;
+  upper[up] = 0.08;
+  auto ball = ball_body<Dim>(centre, 0.03, 3000, mu_ball);
+  ball.start.velocity[up] = -1;
+  ball.start.velocity[0] = askew ? 0.2 : 0;
+  params.bodies = {ball};
+  const auto particles = block<Dim>(params, lower, upper);
+  double mass = 0;
+  for (const double v : particles.volume)
+    mass += density * v;
+  Sim<Dim> sim(params, particles);
+  const double unit = (mass + ball.mass) * g * params.time_step;
+  double fastest = -1;
+  for (int n = 0; n < 60; ++n) {
+    const RigidState<Dim> last = sim.bodies()[0];
+    const Vec<Dim> material = mass * mean_velocity(sim.particles());
+    const StepReport report = sim.step();
+    CHECK(report.viscous.status == SolveStatus::converged);
+    CHECK(report.solve.status == SolveStatus::converged);
+    const RigidState<Dim>& now = sim.bodies()[0];
+    const Wrench<Dim>& wrench = sim.body_wrench(0);
+    const Vec<Dim> gained = ball.mass * (now.velocity - last.velocity),
+                   given = params.time_step * (wrench.force + ball.mass * params.gravity);
+    CHECK((gained - given).norm() < 1e-11 * unit);
+    const Spin<Dim> turned = ball.inertia * (now.angular_velocity - last.angular_velocity);
+    CHECK((turned - params.time_step * wrench.torque_about(last.position)).norm() <
+          1e-11 * unit * 0.03);
+    const Vec<Dim> floor = sim.face_wrench(up, false).force,
+                   all = gained + mass * mean_velocity(sim.particles()) - material;
+    CHECK((all - params.time_step * ((mass + ball.mass) * params.gravity - floor)).norm() <
+          1e-11 * unit);
+    fastest = std::max(fastest, now.velocity[up]);
+  }
+  CHECK(sim.bodies()[0].position[up] > 0.09);
+  return fastest;
+}
+
+/// A slab slides on a thin layer of what stops it within a tenth of a step: the least of its
+/// velocities and the last, over the first.
+struct SlidingSlab {
+  double least = 1, last = 0;
+};
+SlidingSlab slab_on_viscous_layer() {
+  auto params = box<2>(0.02, {24, 8}, 0);
+  params.gravity = {0, -g};
+  params.rheology.viscosity = 1e5;
+  Body<2> slab;
+  slab.shape = shapes::Box<2>({-10, 0}, {10, 0.1});
+  slab.mass = 100;
+  slab.rotates = false;
+  slab.friction = 10;
+  slab.start.position = {0.24, 0.04};
+  slab.start.velocity = {0.1, 0};
+  params.bodies = {slab};
+  Sim<2> sim(params, block<2>(params, {0.04, 0}, {0.44, 0.04}));
+  SlidingSlab of;
+  for (int n = 0; n < 30; ++n) {
+    CHECK(sim.step().completed());
+    of.last = sim.bodies()[0].velocity[0] / 0.1;
+    of.least = std::min(of.least, of.last);
+  }
+  return of;
+}
+
 } // namespace
 
 TEST_CASE("a cohesive cut stands up to about its critical height and falls above it") {
@@ -444,6 +525,24 @@ TEST_CASE("what is viscous does not rebound from a wall, whatever the friction")
       CAPTURE(tilt);
       CHECK(rebound(mu, tilt) < 0.01);
     }
+}
+
+TEST_CASE("a free body does not rebound from what is viscous, and momentum is kept") {
+  for (const double mu : {0.0, 0.3, 10.0}) {
+    CAPTURE(mu);
+    CHECK(bounce<2>(1e5, mu) < 0.01);
+    CHECK(bounce<2>(1e3, mu) < 0.01);
+  }
+  CHECK(bounce<3>(1e5, 0.3) < 0.01);
+  // it turns about the first node that it touches, which lifts it a little
+  CHECK(bounce<2>(1e5, 0.3, true) < 0.05);
+  CHECK(bounce<3>(1e5, 0.3, true) < 0.05);
+}
+
+TEST_CASE("a slab on a stiff layer stops, and does not swing") {
+  const SlidingSlab slab = slab_on_viscous_layer();
+  CHECK(slab.least > -1e-3);
+  CHECK(slab.last < 1e-3);
 }
 
 TEST_CASE("friction updates within a step: mu belongs to the strain rate and pressure found") {

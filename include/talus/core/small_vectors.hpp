@@ -113,6 +113,24 @@ Mat<N> matrix_product_transposed(const Mat<N>& a, const Mat<N>& b) {
   return c;
 }
 
+/// x of A x = b, A symmetric and positive definite: elimination without a change of order.
+template <int N>
+Vec<N> solve_positive(Mat<N> a, Vec<N> b) {
+  for (int k = 0; k < N; ++k)
+    for (int r = k + 1; r < N; ++r) {
+      const double factor = a(r, k) / a(k, k);
+      for (int c = k + 1; c < N; ++c)
+        a(r, c) -= factor * a(k, c);
+      b[r] -= factor * b[k];
+    }
+  for (int k = N - 1; k >= 0; --k) {
+    for (int c = k + 1; c < N; ++c)
+      b[k] -= a(k, c) * b[c];
+    b[k] /= a(k, k);
+  }
+  return b;
+}
+
 /// ‖R Rᵀ − I‖, Frobenius: 0 if and only if R is orthogonal.
 template <int N>
 double orthogonality_error(const Mat<N>& r) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #pragma once
 
+#include "talus/core/array.hpp"
 #include "talus/core/halo.hpp"
 #include "talus/core/node_types.hpp"
 #include "talus/core/rigid_motion.hpp"
@@ -77,12 +78,12 @@ double contact_inverse_mass(const DualProblem<Dim>& problem, const BodyContact<D
   return of_body;
 }
 
-/// All ranks visit all contacts of free bodies, each in its own copy: the velocities of the nodes
-/// that they touch come from the owners before.
-template <int Dim>
-void share_touched(DualProblem<Dim>& problem) {
+/// All ranks visit all contacts of free bodies, each in its own copy: what the nodes that they
+/// touch have (field, #nodes) comes from the owners before.
+template <int Dim, class Value>
+void share_touched(const DualProblem<Dim>& problem, Array<Value>& field) {
   if (const Halo* const halo = problem.copies.halo(); halo && !problem.bodies.empty())
-    halo->share_touched(problem.velocity.data(), sizeof(NodeVec<Dim>));
+    halo->share_touched(field.data(), sizeof(Value));
 }
 
 /// One visit of each contact in their order: a projected step r ← P(r − w/L), exact where W = L I,
@@ -90,7 +91,7 @@ void share_touched(DualProblem<Dim>& problem) {
 template <int Dim>
 double update_body_contacts(DualProblem<Dim>& problem) {
   double change2 = 0;
-  share_touched(problem);
+  share_touched(problem, problem.velocity);
   for (BodyContact<Dim>& contact : problem.body_contacts) {
     const Vec<Dim> impulse =
         contact_impulse<Dim>(contact, relative_velocity(problem, contact), contact.inverse_mass);

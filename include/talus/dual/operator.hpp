@@ -152,7 +152,7 @@ void apply_impulses(DualProblem<Dim>& problem, const Stencil<Dim>& stencil,
       problem.velocity[j][a] += problem.inverse_mass[j][a] * contact.impulse[a];
     share_velocity(problem, contact.node);
   }
-  share_touched(problem);
+  share_touched(problem, problem.velocity);
   for (const BodyContact<Dim>& contact : problem.body_contacts)
     apply_impulse(problem, contact, contact.impulse);
   problem.copies.copy(problem.velocity, execution);

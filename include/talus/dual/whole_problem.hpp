@@ -161,7 +161,7 @@ void give_part(const DualProblem<Dim>& whole, DualProblem<Dim>& part) {
     part.body_contacts[c].impulse = whole.body_contacts[c].impulse;
   for (int j = 0; j < part.grid.node_count(); ++j)
     part.velocity[j] = whole.velocity[in_whole(j)];
-  share_touched(part);
+  share_touched(part, part.velocity);
 }
 
 } // namespace talus

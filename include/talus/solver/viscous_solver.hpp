@@ -7,6 +7,7 @@
 #include "talus/core/types.hpp"
 #include "talus/dual/operator.hpp"
 #include "talus/dual/problem.hpp"
+#include "talus/solver/held_nodes.hpp"
 #include "talus/solver/solver.hpp"
 
 #include <algorithm>
@@ -57,10 +58,10 @@ inline double strip_weight(double open) {
 /// stresses of the last step, a steady flow is one of viscous and plastic stresses together,
 /// without an error of splitting.
 ///
-/// Contacts that bore something in the last step hold their nodes, which move with the wall where
-/// they stuck and along it where they slid, and take up what that costs, so that a wall stops all
-/// that hangs together at once. A node has one such contact at most. The dual problem then lets go
-/// what Coulomb's law does not bear.
+/// Contacts that bore something in the last step hold their nodes, see HeldNodes, and take up what
+/// that costs, so that a wall stops all that hangs together at once, and a free body, whose
+/// velocities are unknowns, too, moves with what clings to it. The dual problem then lets go what
+/// Coulomb's law does not bear.
 ///
 /// Conjugate gradients, matrix-free, preconditioned with the diagonal; components with no inverse
 /// mass (sticking, slipping) stay as they are. The residual r counts as the velocities M⁻¹ r that
@@ -83,18 +84,19 @@ class ViscousSolver {
       const int node = problem.node[i];
       weight_[i] = 2 * eta * time_step * strip_weight(open_fraction[node]) / stress_volume[node];
     });
-    hold(problem);
+    held_.hold(problem, execution);
     start(problem, execution);
     Array<Padded>& u = problem.velocity;
 
     // r = −δt K u, z = D⁻¹ r, p = z
     multiply(problem, u, execution);
     Sums sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
-      residual_[j] = -free(problem, j, product_[j]);
+      residual_[j] = -held_.free(problem, j, product_[j]);
       direction_[j] = preconditioned(problem, j);
       return Sums{residual_[j].dot(direction_[j]), squared_velocity(residual_[j], inverse_mass),
                   inverse_mass.maxCoeff() > 0 ? 1 / inverse_mass.maxCoeff() : 0};
     });
+    start_bodies(problem, sums);
     const double of_step = problem.velocity_scale * problem.velocity_scale * sums.mass;
     const double scale2 = of_step > 0 ? of_step : sums.left_out;
     for (;; ++report.iterations) {
@@ -108,11 +110,13 @@ class ViscousSolver {
       if (report.status != SolveStatus::not_converged || report.iterations == params.max_iterations)
         break;
       multiply(problem, direction_, execution);
-      const double energy = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
-                              product_[j] = free(problem, j, product_[j]) +
-                                            direction_[j].cwiseProduct(mass(inverse_mass));
-                              return Sums{direction_[j].dot(product_[j]), 0, 0};
-                            }).product;
+      const double of_bodies = multiply_bodies(problem);
+      const double energy =
+          of_bodies + sum(problem, execution, [&](int j, const Padded& inverse_mass) {
+                        const Padded moved = direction_[j].cwiseProduct(mass_of(inverse_mass));
+                        product_[j] = held_.free(problem, j, product_[j] + moved);
+                        return Sums{direction_[j].dot(product_[j]), 0, 0};
+                      }).product;
       const double step = sums.product / energy, last = sums.product;
       sums = sum(problem, execution, [&](int j, const Padded& inverse_mass) {
         u[j] += step * direction_[j];
@@ -120,20 +124,18 @@ class ViscousSolver {
         return Sums{residual_[j].dot(preconditioned(problem, j)),
                     squared_velocity(residual_[j], inverse_mass), 0};
       });
+      step_bodies(problem, step, sums);
       const double keep = sums.product / last;
       for_each(problem, execution,
                [&](int j) { direction_[j] = preconditioned(problem, j) + keep * direction_[j]; });
+      turn_bodies(problem, keep);
     }
     multiply(problem, u, execution);
     for_each(problem, execution,
              [&](int j) { u[j] += residual_[j].cwiseProduct(problem.inverse_mass[j]); });
-    problem.copies.copy(u, execution);
-    for (const Held& held : held_) { // what it keeps from the viscous stress
-      const Vec<Dim> kept = product_[held.node].template head<Dim>();
-      Contact<Dim>& contact = problem.contacts[held.contact];
-      contact.impulse +=
-          held.sticks ? without_faces(problem, held.node, kept) : along(held, kept, contact.normal);
-    }
+    finish_bodies(problem);
+    HeldNodes<Dim>::share(problem, execution, u);
+    held_.keep(problem, product_);
     return report;
   }
 
@@ -147,6 +149,8 @@ class ViscousSolver {
 
  private:
   using Padded = NodeVec<Dim>;
+  using Motion = typename HeldNodes<Dim>::Motion;
+  static constexpr int motion_size = Dim + spin_size<Dim>;
 
   struct Sums {
     double product = 0;  ///< r · z, or p · A p
@@ -154,84 +158,71 @@ class ViscousSolver {
     double mass = 0;     ///< Σ m
   };
 
-  /// A node that a contact holds.
-  struct Held {
-    int node = 0;
-    std::size_t contact = 0;
-    bool sticks = false;
-    Vec<Dim> normal; ///< of the contact, without the components that faces hold
-  };
+  // The part of the bodies. What they have is the same on all ranks.
 
-  /// Finds the nodes that contacts hold and takes them along with the wall.
-  void hold(DualProblem<Dim>& problem) {
-    held_.clear();
-    held_at_.assign(problem.velocity.size(), -1);
-    for (std::size_t c = 0; c < problem.contacts.size(); ++c) {
-      const Contact<Dim>& contact = problem.contacts[c];
-      const double pressed = contact.impulse.dot(contact.normal);
-      if (!(pressed > 0))
-        continue;
-      // one that slides is at its bound but for rounding
-      const Vec<Dim> along_wall = contact.impulse - pressed * contact.normal;
-      Held held{contact.node, c, along_wall.norm() < (1 - 1e-9) * contact.friction * pressed, {}};
-      held.normal = without_faces(problem, contact.node, contact.normal);
-      if (held.normal.squaredNorm() < 0.5) // faces hold it rather than the contact
-        continue;
-      int& at = held_at_[contact.node];
-      if (at < 0) {
-        at = static_cast<int>(held_.size());
-        held_.push_back(held);
-      } else if (held.sticks && !held_[at].sticks) {
-        held_[at] = held;
-      }
+  /// As for the nodes: r, z, p and their sums. product_: δt K u.
+  void start_bodies(const DualProblem<Dim>& problem, Sums& sums) {
+    if (!held_.bodies())
+      return;
+    held_.gather(problem, product_, body_residual_);
+    for (Motion& residual : body_residual_)
+      residual = scaled<motion_size>(-1, residual);
+    add_sums(sums);
+    body_direction_ = preconditioned_;
+    held_.carry(problem, preconditioned_, direction_);
+  }
+  /// Sets A p of the bodies; returns p · A p. product_: δt K p of the nodes.
+  double multiply_bodies(const DualProblem<Dim>& problem) {
+    double energy = 0;
+    if (!held_.bodies())
+      return energy;
+    held_.gather(problem, product_, body_product_);
+    for (std::size_t b = 0; b < body_product_.size(); ++b) {
+      body_product_[b] =
+          plus<motion_size>(body_product_[b], held_.impulse_of(b, body_direction_[b]));
+      energy += dot<motion_size>(body_direction_[b], body_product_[b]);
     }
-    for (const Held& held : held_) {
-      Contact<Dim>& contact = problem.contacts[held.contact];
-      const Padded& inverse_mass = problem.inverse_mass[held.node];
-      const Vec<Dim> slip =
-          contact.wall_velocity - problem.velocity[held.node].template head<Dim>();
-      Padded change = Padded::Zero();
-      if (held.sticks)
-        change.template head<Dim>() = without_faces(problem, held.node, slip);
-      else
-        change.template head<Dim>() =
-            slip.dot(contact.normal) / held.normal.squaredNorm() * held.normal;
-      problem.velocity[held.node] += change;
-      const Vec<Dim> momentum = change.cwiseProduct(mass(inverse_mass)).template head<Dim>();
-      contact.impulse += held.sticks ? momentum : along(held, momentum, contact.normal);
+    return energy;
+  }
+  void step_bodies(DualProblem<Dim>& problem, double step, Sums& sums) {
+    if (!held_.bodies())
+      return;
+    held_.move(problem, step, body_direction_);
+    for (std::size_t b = 0; b < body_residual_.size(); ++b)
+      body_residual_[b] = plus_scaled<motion_size>(body_residual_[b], -step, body_product_[b]);
+    add_sums(sums);
+  }
+  /// The next direction. direction_: of the nodes, but for what preconditioned_ adds.
+  void turn_bodies(const DualProblem<Dim>& problem, double keep) {
+    if (!held_.bodies())
+      return;
+    for (std::size_t b = 0; b < body_direction_.size(); ++b)
+      body_direction_[b] = plus_scaled<motion_size>(preconditioned_[b], keep, body_direction_[b]);
+    held_.carry(problem, preconditioned_, direction_);
+  }
+  /// Puts what is left of the residual in.
+  void finish_bodies(DualProblem<Dim>& problem) {
+    if (!held_.bodies())
+      return;
+    for (std::size_t b = 0; b < body_residual_.size(); ++b)
+      preconditioned_[b] = held_.motion_by(b, body_residual_[b]);
+    held_.move(problem, 1, preconditioned_);
+    held_.carry(problem, preconditioned_, problem.velocity);
+  }
+  /// Sets z = D⁻¹ r and adds its sums.
+  void add_sums(Sums& sums) {
+    preconditioned_.resize(body_residual_.size());
+    for (std::size_t b = 0; b < body_residual_.size(); ++b) {
+      const Motion& residual = body_residual_[b];
+      preconditioned_[b] = held_.precondition(b, residual);
+      sums.product += dot<motion_size>(residual, preconditioned_[b]);
+      sums.left_out += dot<motion_size>(residual, held_.motion_by(b, residual));
     }
   }
 
-  /// Only what may change of a node's vector.
-  Padded free(const DualProblem<Dim>& problem, int j, const Padded& value) const {
-    Padded part = (problem.inverse_mass[j].array() > 0).select(value, Padded::Zero());
-    if (held_at_[j] < 0)
-      return part;
-    const Held& held = held_[held_at_[j]];
-    if (held.sticks)
-      return Padded::Zero();
-    const double normal = part.template head<Dim>().dot(held.normal) / held.normal.squaredNorm();
-    part.template head<Dim>() -= normal * held.normal;
-    return part;
-  }
   /// z = D⁻¹ r of what may change.
   Padded preconditioned(const DualProblem<Dim>& problem, int j) const {
-    return free(problem, j, residual_[j].cwiseProduct(inverse_diagonal_[j]));
-  }
-  /// The components that no face holds.
-  static Vec<Dim> without_faces(const DualProblem<Dim>& problem, int j, const Vec<Dim>& value) {
-    Vec<Dim> part;
-    for (int a = 0; a < Dim; ++a)
-      part[a] = problem.inverse_mass[j][a] > 0 ? value[a] : 0;
-    return part;
-  }
-  /// The impulse of a contact without friction that has this part of an impulse along the free
-  /// components of its normal.
-  static Vec<Dim> along(const Held& held, const Vec<Dim>& impulse, const Vec<Dim>& normal) {
-    return impulse.dot(held.normal) / held.normal.squaredNorm() * normal;
-  }
-  static Padded mass(const Padded& inverse_mass) {
-    return (inverse_mass.array() > 0).select(inverse_mass.cwiseInverse(), Padded::Zero());
+    return held_.free(problem, j, residual_[j].cwiseProduct(inverse_diagonal_[j]));
   }
   static double squared_velocity(const Padded& r, const Padded& inverse_mass) {
     return r.cwiseAbs2().dot(inverse_mass);
@@ -286,9 +277,13 @@ class ViscousSolver {
         }
       share(problem, i, inverse_diagonal_);
     });
+    if (held_.bodies()) {
+      HeldNodes<Dim>::share(problem, execution, inverse_diagonal_);
+      held_.prepare(problem, inverse_diagonal_);
+    }
     for_each(problem, execution, [&](int j) {
       const Padded& inverse_mass = problem.inverse_mass[j];
-      const Padded inverse = (inverse_diagonal_[j] + mass(inverse_mass)).cwiseInverse();
+      const Padded inverse = (inverse_diagonal_[j] + mass_of(inverse_mass)).cwiseInverse();
       inverse_diagonal_[j] = (inverse_mass.array() > 0).select(inverse, Padded::Zero());
     });
   }
@@ -311,6 +306,8 @@ class ViscousSolver {
           force[stencil_.row(r) + k].template head<Dim>() += stress * g.col(3 * r + k);
       share(problem, i, product_);
     });
+    if (held_.bodies())
+      HeldNodes<Dim>::share(problem, execution, product_);
   }
 
   /// Gives all nodes of the places around a cone what it has changed there.
@@ -324,11 +321,11 @@ class ViscousSolver {
   }
 
   Stencil<Dim> stencil_;
-  Array<Held> held_;
-  Array<int> held_at_; ///< index into held_ or −1, #nodes
+  HeldNodes<Dim> held_;
   Array<Padded> product_, residual_, direction_, inverse_diagonal_; ///< #nodes
   Array<double> weight_;                                            ///< 2 η δt f_i/V_i, #cones
   Array<double> partials_;
+  Array<Motion> body_residual_, body_direction_, body_product_, preconditioned_; ///< #bodies
 };
 
 } // namespace talus
