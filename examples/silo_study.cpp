@@ -71,29 +71,30 @@ support::StudyResults study(support::Sweep& sweep) {
   for (const Set& set : sets) {
     const bool pressure = set.program == "janssen", fitted = set.option == "--opening";
     const std::string unit = set.name == "opening_3d" ? "m³/s" : "m²/s";
-    support::Panel panel({.title = pressure ? "Pressure on a floor that sinks" : "Discharge",
-                          .x = (fitted ? "opening (m)" : "height of the filling (m)"),
-                          .y = pressure ? "pressure (Pa)" : "rate (" + unit + ")",
-                          .log = fitted});
+    support::Panel panel(
+        {.title = pressure ? "Pressure on a floor that sinks" : "Discharge",
+         .x = (fitted ? "opening in whole nodes (m)" : "height of the filling (m)"),
+         .y = pressure ? "pressure (Pa)" : "rate (" + unit + ")",
+         .log = fitted});
+    const Values x = fitted ? measured(set, "opening_effective_m") : set.values;
     const Values y = measured(set, pressure ? "floor_pressure_Pa" : "rate");
-    panel.add("points", "talus", set.values, y);
+    panel.add("points", "talus", x, y);
     if (pressure) {
-      panel.add("line", "Janssen with the measured K", set.values, measured(set, "janssen_Pa"));
-      panel.add("dashed", "hydrostatic", set.values, measured(set, "hydrostatic_Pa"));
+      panel.add("line", "Janssen with the measured K", x, measured(set, "janssen_Pa"));
+      panel.add("dashed", "hydrostatic", x, measured(set, "hydrostatic_Pa"));
     }
     if (fitted) {
-      const talus::PowerLawFit fit = talus::fit_power_law(set.values, y);
+      const talus::PowerLawFit fit = talus::fit_power_law(x, y);
       results.measured[set.name] = {{"exponent", fit.exponent},
                                     {"exponent_error", fit.exponent_error},
                                     {"coefficient", fit.coefficient}};
       Values line;
-      for (const double opening : set.values)
+      for (const double opening : x)
         line.push_back(fit(opening));
-      panel.add("dashed", text("exponent %.2f ± %.2f", fit.exponent, fit.exponent_error),
-                set.values, line);
+      panel.add("dashed", text("exponent %.2f ± %.2f", fit.exponent, fit.exponent_error), x, line);
     }
     for (std::size_t i = 0; i < y.size(); ++i)
-      results.rows.push_back({set.name, text(set.values[i]), text(y[i])});
+      results.rows.push_back({set.name, text(x[i]), text(y[i])});
     results.panels.push_back(panel);
   }
   for (std::size_t i = 0; i < all.size(); ++i)

@@ -89,7 +89,8 @@ class Simulation {
     Vec<Dim> gravity = Vec<Dim>::Constant(not_given); ///< m/s², at the start
     double time_step = 0;                             ///< δt, s; > 0; the largest one if cfl > 0
     /// Largest share of a cell that material, bodies and obstacles may cross in a step along any
-    /// axis, see cfl_time_step; 0: δt is fixed.
+    /// axis, see cfl_time_step; what a source lets in does not count before it is there. 0: δt is
+    /// fixed.
     double cfl = 0;
     Faces<Dim> faces{};
     std::vector<std::shared_ptr<const Obstacle<Dim>>> obstacles{};

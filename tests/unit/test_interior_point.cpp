@@ -6,6 +6,7 @@
 #include "talus/boundary/shape_obstacle.hpp"
 #include "talus/boundary/shapes.hpp"
 #include "talus/cone/secular.hpp"
+#include "talus/diagnostics/profile.hpp"
 #include "talus/dual/nested_dissection.hpp"
 #include "talus/io/problem_file.hpp"
 #include "talus/solver/interior_point.hpp"
@@ -401,6 +402,28 @@ TEST_CASE("a simulation with interior points, and wrong parameters") {
       "solver.tolerance is 0"));
   CHECK_THROWS_AS(InteriorPoint({.newton_iterations = 0}), std::invalid_argument);
   CHECK_THROWS_AS(InteriorPoint({.max_iterations = 0}), std::invalid_argument);
+}
+
+TEST_CASE("sand that sticks between walls of friction stays at rest, whatever its self-stress") {
+  for (const int wide : {1, 4}) {
+    Simulation<2, ConstantFriction, PolyPic, InteriorPoint>::Params params;
+    params.grid.cells = {wide, wide == 1 ? 8 : 4};
+    params.grid.size = {0.1 * params.grid.cells[0], 0.1 * params.grid.cells[1]};
+    params.gravity = {wide == 1 ? 1.0 : 0.0, -9.81};
+    params.time_step = 1e-3;
+    params.material.density = 1500;
+    params.rheology.mu = 3;
+    params.faces = Faces<2>::all({FaceKind::frictional, 0.3});
+    params.faces.upper[1] = {FaceKind::open};
+    const Vec<2> upper(params.grid.size[0], params.grid.size[1] / 2);
+    Particles<2> sand;
+    fill_box<2>(sand, Grid<2>(params.grid), {0, 0}, upper, {.per_axis = 4, .jitter = 0});
+    Simulation<2, ConstantFriction, PolyPic, InteriorPoint> sim(params, sand);
+    for (int n = 0; n < 100; ++n) {
+      CHECK(sim.step().solve.status == SolveStatus::converged);
+      CHECK(largest_speed(sim) < 1e-5);
+    }
+  }
 }
 
 } // namespace test_interior_point

@@ -748,6 +748,31 @@ TEST_CASE("with cfl an obstacle does not jump into the material, and matters onl
   CHECK(gone.time_step() == about(0.01));
 }
 
+TEST_CASE("with cfl an obstacle that starts within a step does not jump, either") {
+  auto params = box(); // cells of 0.02 m
+  params.time_step = 0.01;
+  params.cfl = 0.25;
+  params.gravity.setZero();
+  const auto front = [](double time) { return 0.15 + 20 * std::max(0.0, time - 6e-3); };
+  params.obstacles = {make_obstacle<ShapeObstacle<2>>(
+      {.shape = shapes::Box<2>({-0.1, -0.2}, {0, 0.2}), .friction = 0, .motion = [&](double time) {
+         RigidState<2> state;
+         state.position = {front(time), 0.1};
+         state.velocity = {time < 6e-3 ? 0.0 : 20.0, 0};
+         return state;
+       }})};
+  Particles<2> sand;
+  fill_box<2>(sand, Grid<2>(params.grid), {0.2, 0}, {0.3, 0.1}, {.per_axis = 2});
+  Sim<> sim(params, sand);
+  while (sim.time() < 9e-3) {
+    const double last = sim.time();
+    advance(sim, 1);
+    CHECK(front(sim.time()) - front(last) < 1.02 * 0.25 * 0.02);
+  }
+  for (const Vec<2>& x : sim.particles().position)
+    CHECK(x[0] > front(sim.time()) - 0.02);
+}
+
 TEST_CASE("nodes, faces, obstacles, bodies and materials that are not there are refused by name") {
   const auto params = box();
   Particles<2> sand;

@@ -83,8 +83,12 @@ class ResidualMeter {
         sums.least += speed2 / problem.bodies[b].inverse_mass;
     for (const BodyContact<Dim>& contact : problem.body_contacts)
       add_contact(sums, contact, relative_velocity(problem, contact), contact.inverse_mass);
+    stress_ = sums.least > 0 ? sums.energy / sums.least : 0;
     return sums.residual();
   }
+
+  /// E of the impulses that were measured last over E of the step's velocity scale; 0 without one.
+  double stress() const { return stress_; }
 
  private:
   struct Sums {
@@ -123,6 +127,7 @@ class ResidualMeter {
              lambda.squaredNorm(), inverse_mass);
   }
 
+  double stress_ = 0;
   Array<double> partials_; ///< #blocks × 5
   Array<int> touched_;     ///< 1 for bodies with a contact
 };

@@ -8,6 +8,7 @@
 #include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/body_contact.hpp"
+#include "talus/dual/contact_law.hpp"
 #include "talus/dual/problem.hpp"
 
 #include <cstddef>
@@ -161,16 +162,18 @@ class HeldNodes {
 
   void add(const DualProblem<Dim>& problem, const Contact<Dim>& contact, std::size_t number,
            int body) {
+    // What interior points leave of an open contact is no pressure, and what slides is at its bound
+    // but for their tolerance and for the turn of the normal since.
+    constexpr double little = 1e-3, nearly = 1e-2;
     const double pressed = contact.impulse.dot(contact.normal);
-    if (!(pressed > 0))
+    if (!(pressed * contact_inverse_mass<Dim>(problem, contact) > little * problem.velocity_scale))
       return;
-    // one that slides is at its bound but for rounding
     const Vec<Dim> along_wall = contact.impulse - pressed * contact.normal;
     Held held;
     held.node = contact.node;
     held.contact = number;
     held.body = body;
-    held.sticks = along_wall.norm() < (1 - 1e-9) * contact.friction * pressed;
+    held.sticks = along_wall.norm() < (1 - nearly) * contact.friction * pressed;
     held.normal = without_faces(problem, contact.node, contact.normal);
     if (held.normal.squaredNorm() < 0.5) // faces hold it rather than the contact
       return;

@@ -5,6 +5,8 @@
 #include "talus/core/array.hpp"
 #include "talus/core/execution.hpp"
 #include "talus/core/grid.hpp"
+#include "talus/core/rigid_motion.hpp"
+#include "talus/core/small_vectors.hpp"
 #include "talus/core/types.hpp"
 #include "talus/dual/problem.hpp"
 #include "talus/step/boundaries.hpp"
@@ -19,9 +21,43 @@
 
 namespace talus {
 
+/// A step of at most `step` (s) in which no node that an obstacle holds goes along further than
+/// 1.01 cfl cells; `step` itself if a millionth of it is not short enough, as places jump. The
+/// other arguments: see cfl_time_step.
+template <int Dim>
+double without_jumps(double cfl, double step, const Boundaries<Dim>& bounds,
+                     const SolidsAtCones<Dim>& solids, const Execution& execution) {
+  const Grid<Dim>& grid = bounds.grid;
+  double shorter = step;
+  for (int halvings = 0; halvings < 20 && !bounds.obstacles.empty(); ++halvings) {
+    double most = 0;
+    for (std::size_t o = 0; o < bounds.obstacles.size(); ++o) {
+      const RigidState<Dim>& now = solids.frame(o);
+      const RigidState<Dim> then = bounds.obstacles[o]->frame(bounds.time + shorter);
+      check_rigid_state("an obstacle's frame", then);
+      if (then.position == now.position && then.rotation == now.rotation)
+        continue;
+      solids.for_each_node_near(grid, o, [&](int node) {
+        const Vec<Dim> x = grid.node_position(node);
+        if (!solids.at_obstacle(bounds, o, x).contact)
+          return;
+        const Vec<Dim> goes_to =
+            plus<Dim>(then.position, product<Dim>(then.rotation, now.in_body(x)));
+        for (int a = 0; a < Dim; ++a)
+          most = std::max(most, std::abs(goes_to[a] - x[a]) * grid.inverse_spacing()[a] / cfl);
+      });
+    }
+    if (!(execution.largest(most) > 1.01))
+      return shorter;
+    shorter /= 2;
+  }
+  return step;
+}
+
 /// The longest δt ≤ δt_max with (|u_a| + |g_a| δt) δt ≤ cfl h_a at nodes and corners of bodies, s,
 /// and |v_a| δt ≤ cfl h_a at the nodes that obstacles hold, whether there is material yet or not,
-/// so that they don't jump into it. A body outside of the box may go on until it has come back by
+/// so that they don't jump into it; for those that are about to start or turn the way until t + δt
+/// counts, to 1 %. A body outside of the box may go on until it has come back by
 /// that share of a cell; an obstacle outside has no influence. cfl: largest share of a cell to
 /// cross in a step, > 0; largest: δt_max, s; solids: where they are; nodes: those of the box;
 /// velocity: u*, #nodes of the grid, m/s; gravity: m/s²; partials: workspace. Throws
@@ -73,7 +109,8 @@ double cfl_time_step(double cfl, double largest, const Boundaries<Dim>& bounds,
     }
     rate = std::max(rate, std::min(of_body, to_box));
   }
-  return std::min(largest, 1 / execution.largest(rate));
+  return without_jumps(cfl, std::min(largest, 1 / execution.largest(rate)), bounds, solids,
+                       execution);
 }
 
 } // namespace talus
