@@ -28,6 +28,7 @@ template <int Dim>
 double without_jumps(double cfl, double step, const Boundaries<Dim>& bounds,
                      const SolidsAtCones<Dim>& solids, const Execution& execution) {
   const Grid<Dim>& grid = bounds.grid;
+  constexpr double allowed = 1.01;
   double shorter = step;
   for (int halvings = 0; halvings < 20 && !bounds.obstacles.empty(); ++halvings) {
     double most = 0;
@@ -39,15 +40,16 @@ double without_jumps(double cfl, double step, const Boundaries<Dim>& bounds,
         continue;
       solids.for_each_node_near(grid, o, [&](int node) {
         const Vec<Dim> x = grid.node_position(node);
-        if (!solids.at_obstacle(bounds, o, x).contact)
-          return;
         const Vec<Dim> goes_to =
             plus<Dim>(then.position, product<Dim>(then.rotation, now.in_body(x)));
+        double cells = 0; // over what is allowed
         for (int a = 0; a < Dim; ++a)
-          most = std::max(most, std::abs(goes_to[a] - x[a]) * grid.inverse_spacing()[a] / cfl);
+          cells = std::max(cells, std::abs(goes_to[a] - x[a]) * grid.inverse_spacing()[a] / cfl);
+        if (cells > std::max(most, allowed) && solids.at_obstacle(bounds, o, x).contact)
+          most = cells;
       });
     }
-    if (!(execution.largest(most) > 1.01))
+    if (!(execution.largest(most) > allowed))
       return shorter;
     shorter /= 2;
   }
