@@ -36,7 +36,13 @@ double without_jumps(double cfl, double step, const Boundaries<Dim>& bounds,
       const RigidState<Dim>& now = solids.frame(o);
       const RigidState<Dim> then = bounds.obstacles[o]->frame(bounds.time + shorter);
       check_rigid_state("an obstacle's frame", then);
-      if (then.position == now.position && then.rotation == now.rotation)
+      bool moves = false;
+      for (int a = 0; a < Dim; ++a) {
+        moves = moves || then.position[a] != now.position[a];
+        for (int b = 0; b < Dim; ++b)
+          moves = moves || then.rotation(a, b) != now.rotation(a, b);
+      }
+      if (!moves)
         continue;
       solids.for_each_node_near(grid, o, [&](int node) {
         const Vec<Dim> x = grid.node_position(node);
