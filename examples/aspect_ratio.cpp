@@ -50,20 +50,26 @@ support::Job job(double a, bool wide, const support::StudyOptions& options) {
   return {(wide ? "wide_" : "narrow_") + text(a), arguments};
 }
 
-support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options,
-                            int count) {
+support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& options, int count,
+                            const std::string& channels) {
   std::vector<double> ratios;
   for (int k = 0; k < count; ++k)
     ratios.push_back(std::pow(20.0, k / (count - 1.0)));
-  std::vector<support::Job> jobs;
+  std::vector<bool> kinds; // wide or not
   for (const bool wide : {true, false})
+    if (channels != (wide ? "narrow" : "wide"))
+      kinds.push_back(wide);
+  std::vector<support::Job> jobs;
+  for (const bool wide : kinds)
     for (const double a : ratios)
       jobs.push_back(job(a, wide, options));
   const auto summaries = sweep.run(jobs, "aspect_ratio");
+  auto summary = summaries.begin(); // in the order of the jobs
 
   support::StudyResults results;
   results.title = "Level columns on a bare floor";
   results.inputs["values"] = count;
+  results.inputs["channel"] = channels;
   results.columns = {"channel", "a", "runout_over_L0", "deposit_over_L0", "H0_over_Hf"};
   support::Panel runouts({.title = "Run-out of the farthest particle at rest",
                           .x = "a = H_0/L_0",
@@ -76,11 +82,11 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
                            .log = true});
   support::Panel heights(
       {.title = "Height at the wall", .x = "a = H_0/L_0", .y = "H_0/H_f", .log = true});
-  for (const bool wide : {true, false}) {
+  for (const bool wide : kinds) {
     const std::string channel = wide ? "wide" : "narrow";
     support::Values runout, deposit, height;
     for (std::size_t k = 0; k < ratios.size(); ++k) {
-      const auto& measured = summaries[k + (wide ? 0 : ratios.size())].at("measured");
+      const auto& measured = (summary++)->at("measured");
       runout.push_back(measured.at("farthest_at_rest_m").get<double>() / length - 1);
       deposit.push_back(measured.at("runout_m").get<double>() / length);
       height.push_back(ratios[k] * length / measured.at("height_final_m").get<double>());
@@ -131,14 +137,20 @@ support::StudyResults study(support::Sweep& sweep, const support::StudyOptions& 
 int main(int argc, char** argv) {
   support::StudyOptions options;
   std::optional<int> values;
+  std::string channels = "both";
   CLI::App app("Deposits against the aspect ratio of the column (Rousseau et al. 2023).");
   app.add_option("--values", values,
                  "Aspect ratios from 1 to 20; without: 8, or 20 at the reference")
       ->check(CLI::Range(7, 1000));
+  app.add_option("--channel", channels,
+                 "wide: 2-D; narrow: 3-D, 1 cm across, many hours at the reference")
+      ->check(CLI::IsMember({"both", "wide", "narrow"}))
+      ->capture_default_str();
   support::add_study_options(app, options, "aspect_ratio");
   return support::run_program(app, argc, argv, [&] {
     const int count = values.value_or(options.reference() ? 20 : 8);
-    return support::run_study(options, "aspect_ratio",
-                              [&](support::Sweep& sweep) { return study(sweep, options, count); });
+    return support::run_study(options, "aspect_ratio", [&](support::Sweep& sweep) {
+      return study(sweep, options, count, channels);
+    });
   });
 }
