@@ -10,7 +10,7 @@
 #     sh bench/run.sh step [--out DIR] [--quick]                        the whole step and the transfers, 4 minutes
 #     sh bench/run.sh scaling [--out DIR] [--quick] [--finer F]         1, 2, 4, ... threads, phase by phase, 4 minutes
 #     sh bench/run.sh ranks [--out DIR] [--quick] [--ranks N...]        1, 2, 4, ... ranks of MPI, phase by phase, 5 minutes
-#     sh bench/run.sh accuracy [--out DIR]                              flows with a known answer, half an hour or more
+#     sh bench/run.sh accuracy [--out DIR] [NAME...]                    flows with a known answer, half an hour or more; names: of transfers, as in accuracy.cpp
 set -eu
 
 root=$(CDPATH='' cd -- "$(dirname -- "$0")/.." && pwd)
@@ -60,7 +60,7 @@ if [ "$name" = local ]; then
 fi
 
 if [ "$name" = accuracy ]; then
-  "$build/bench/accuracy" | tee "$out/accuracy.csv"
+  "$build/bench/accuracy" "$@" | tee "$out/accuracy.csv"
   exit
 fi
 

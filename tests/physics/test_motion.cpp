@@ -196,7 +196,7 @@ TEST_CASE("with cfl, steps shorten as a block falls, and grow again at rest") {
   }
 }
 
-TEST_CASE("a rotating blob keeps its angular momentum with APIC") {
+TEST_CASE("a rotating blob keeps its angular momentum") {
   // The transfers keep it exactly. Between them a particle's share C_p D_p, D_p = Σ N_i (x_i − x_p)
   // (x_i − x_p)ᵀ, changes as it moves through its cell: D_p depends on the place for multilinear N.
   rotation<2>(1e-13, 1e-11);

@@ -123,6 +123,49 @@ double vortex_loss(const Setting<Transfer>& setting, int waves = 2, double secon
   return -std::log(energy(sim.particles()) / first) / seconds;
 }
 
+/// What a disc of 0.1 m loses that turns at 2 rad/s and, with nothing that holds it, flies apart in
+/// straight lines: relative changes of its energy and of its angular momentum (exact: 0).
+struct Rotation {
+  double energy = 0, angular_momentum = 0;
+};
+template <class Transfer>
+Rotation disc_turns(const Setting<Transfer>& setting, double seconds = 0.2) {
+  constexpr double radius = 0.1, rate = 2; // m, rad/s
+  auto params = box(setting, 4 * radius, 4 * radius, 0.44);
+  params.gravity *= 1e-4;
+  if constexpr (requires { params.transfer.damping; })
+    params.transfer.damping *= 100; // as with all of gravity
+  const Vec<2> middle(2 * radius, 2 * radius);
+  Particles<2> disc;
+  talus::fill(disc, Grid<2>(params.grid),
+              [&](const Vec<2>& x) { return (x - middle).norm() < radius; },
+              {.per_axis = setting.per_axis, .jitter = setting.jitter});
+  set_velocity(disc, [&](const Vec<2>& x) {
+    return Vec<2>(-rate * (x[1] - middle[1]), rate * (x[0] - middle[0]));
+  });
+  Sim<Transfer> sim(params, disc);
+  const auto measured = [&] { // around the centre of mass
+    const auto& particles = sim.particles();
+    double volume = 0, angular = 0;
+    Vec<2> centre = Vec<2>::Zero(), velocity = Vec<2>::Zero();
+    for (std::size_t p = 0; p < particles.size(); ++p) {
+      volume += particles.volume[p];
+      centre += particles.volume[p] * particles.position[p];
+      velocity += particles.volume[p] * particles.velocity[p];
+    }
+    for (std::size_t p = 0; p < particles.size(); ++p) {
+      const Vec<2> r = particles.position[p] - centre / volume,
+                   v = particles.velocity[p] - velocity / volume;
+      angular += particles.volume[p] * (r[0] * v[1] - r[1] * v[0]);
+    }
+    return Rotation{energy(particles), angular};
+  };
+  const Rotation first = measured();
+  advance(sim, seconds);
+  const Rotation last = measured();
+  return {last.energy / first.energy - 1, last.angular_momentum / first.angular_momentum - 1};
+}
+
 /// A layer `layer` (m) thick slides over a bed of its own kind, 0.05 m deep and inclined by 15°:
 /// its acceleration, m/s² (exact: g (sin θ − μ cos θ) = −1.630).
 template <class Transfer>
