@@ -40,16 +40,28 @@ void rows(const char* name, const typename Transfer::Params& transfer = {}) {
     }
 }
 
+const std::vector<std::string> names = {"polypic",     "polypic_c0", "polypic_c4",
+                                        "polypic_c40", "polypic_b0", "polypic_b0.1",
+                                        "apic",        "flip",       "pic"};
+
 } // namespace
 
 int main(int argc, char** argv) {
   wanted.assign(argv + 1, argv + argc);
-  std::printf(
-      "transfer,cell_m,time_step_s,vortex_loss_1_s,rotation_energy,rotation_angular_momentum,"
-      "layer_0.15_m_s2,layer_0.3_m_s2,layer_0."
-      "6_m_s2,layer_1_m_s2,"
-      "layer_2_m_s2,layer_4_m_s2,collision_spread,collision_momentum,landing_gap_m,"
-      "landing_rebound,landing_rest_s,landing_noise_m_s\n");
+  for (const std::string& name : wanted)
+    if (std::ranges::find(names, name) == names.end()) {
+      std::fprintf(stderr, "no transfer is called \"%s\"; allowed:", name.c_str());
+      for (const std::string& allowed : names)
+        std::fprintf(stderr, " %s", allowed.c_str());
+      std::fprintf(stderr, "\n");
+      return 2;
+    }
+  std::printf("transfer,cell_m,time_step_s,vortex_loss_1_s,"
+              "rotation_energy,rotation_angular_momentum,"
+              "layer_0.15_m_s2,layer_0.3_m_s2,layer_0.6_m_s2,"
+              "layer_1_m_s2,layer_2_m_s2,layer_4_m_s2,"
+              "collision_spread,collision_momentum,"
+              "landing_gap_m,landing_rebound,landing_rest_s,landing_noise_m_s\n");
   rows<PolyPic>("polypic");
   for (const double damping : {0.0, 4.0, 40.0}) // how the defaults were chosen: docs/accuracy.md
     rows<PolyPic>(damping == 0   ? "polypic_c0"

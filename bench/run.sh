@@ -60,7 +60,9 @@ if [ "$name" = local ]; then
 fi
 
 if [ "$name" = accuracy ]; then
-  "$build/bench/accuracy" "$@" | tee "$out/accuracy.csv"
+  "$build/bench/accuracy" "$@" > "$out/accuracy.csv"
+  cat "$out/accuracy.csv"
+  echo "$out/accuracy.csv"
   exit
 fi
 
