@@ -136,7 +136,7 @@ int run(const Options& options) {
   support::Run run(sim, "avalanche", run_options, inputs);
   if (run.finished())
     return 0;
-  int done = 0;                  // tilts
+  int done = 0;                  // tilts that are over
   double since = 0, fastest = 0; // s, m/s: of this tilt
   talus::RestDetector rest(rest_speed, rest_hold);
   run.keep("done", done);
